@@ -9,14 +9,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from builders.project import ROOT, Project, run_miniature
+from builders.project import ROOT, SLOW_FIXTURES, Project, run_miniature
 
 from pipeline.base import files
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.logs import sources
 
-SLOW_FIXTURES = {"miniature", "tab"}  # the whole pipeline, a browser
 WAIT_S = 3600
 
 

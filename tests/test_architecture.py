@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import pytest
 import yaml
+from builders.project import SLOW_FIXTURES
 from dvc.dependency.param import ParamsDependency
 from dvc.repo import Repo
 
@@ -309,3 +310,19 @@ def test_functions_that_get_faults_and_their_tests_are_there():
         tree = ast.parse((ROOT / "pipeline" / file).read_text(encoding="utf-8"))
         assert all(mutation.places(tree, file, name) for name in names.split())  # else it says which
         assert all((ROOT / "tests" / test).is_file() for test in tests.split()), tests
+
+
+TRAINS = {"test_adding.py", "test_contract_of_models.py"}  # files of tests/general that train or run stages
+
+
+@pytest.mark.parametrize(
+    "file",
+    [file for file in sorted((ROOT / "tests" / "general").glob("*.py")) if file.name not in TRAINS],
+    ids=lambda file: file.name,
+)
+def test_what_shows_that_parts_agree_is_among_the_fast_tests(file):
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    slow = [ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute) and node.attr == "slow"]
+    used = {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
+    used |= {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+    assert not slow and not used & SLOW_FIXTURES, file.name

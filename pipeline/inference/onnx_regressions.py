@@ -114,8 +114,11 @@ class Regression(nn.Module):
 
 
 def is_regression(model: object) -> bool:
-    """Tell whether a model is one that `Regression` can hold."""
-    return isinstance(model, SklearnRegressor) and all(type(step) in MODULES for step in _steps(model))
+    """Tell whether a model is one that `Regression` can hold; its first step knows the range of readings."""
+    if not isinstance(model, SklearnRegressor):
+        return False
+    first, *others = map(type, _steps(model))
+    return first is StandardScaler and all(step in MODULES for step in others)
 
 
 def _steps(model: SklearnRegressor) -> list:

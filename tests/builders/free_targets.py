@@ -28,6 +28,7 @@ def angles(folder: Path, people=("anna", "ben", "cleo"), seconds=40.0, split=PER
             at = np.arange(0, seconds, 0.1)
             angle = 45 * np.sin(2 * np.pi * at / 3.1) + 5 * np.sin(2 * np.pi * at / 0.9 + run)
             volts = 2 + number + np.outer(angle, [0.01, -0.006]) + rng.normal(0, 0.002, (len(at), 2))
+            assert np.ptp(volts, axis=0).max() < 1.1 and (np.abs(np.corrcoef(angle, volts.T)[0, 1:]) > 0.99).all()
             place = folder / "bend" / f"{person}_{run}"
             place.mkdir(parents=True)
             rows = [f"{t:.1f},{u:.4f},{v:.4f}" for t, (u, v) in zip(at, volts, strict=True)]
@@ -39,6 +40,7 @@ def angles(folder: Path, people=("anna", "ben", "cleo"), seconds=40.0, split=PER
 
 def objects(folder: Path, days=2, grasps=6):
     """Write a mat's logs, <object>/<day>_<grasp>: three objects; a frame alone is noisy."""
+    taken = []  # of all frames: whether it is nearer to another object
     for number, name in enumerate(("ball", "cup", "plate")):
         pattern = 400 + 60 * np.roll([3, 1, 0, 0], number)
         for k in range(days * grasps):
@@ -46,8 +48,15 @@ def objects(folder: Path, days=2, grasps=6):
             place = folder / name / f"day{k % days}_{k}"
             place.mkdir(parents=True)
             counts = pattern + rng.normal(0, 90, (30, 4))
+            others = np.stack([400 + 60 * np.roll([3, 1, 0, 0], other) for other in range(3)])
+            nearest = np.linalg.norm(counts[:, None] - others, axis=2).argmin(axis=1)
+            taken += [*(nearest != number)]
+            assert np.linalg.norm(counts.mean(axis=0) - others, axis=1).argmin() == number, (
+                "all frames together are not"
+            )
             lines = stamped(np.arange(30) / 20, counts, "%.1f")
             (place / "scanner.log").write_text("\n".join(lines) + "\n")
+    assert 0.05 < np.mean(taken) < 0.3, "a frame alone is often taken for another object's"
     split = {"by": "day", "pattern": "(day.)"}
     return settings(folder, MAT, {"name": "object", "kind": "class", "folder": 1}, split)
 
@@ -59,6 +68,7 @@ def slips(folder: Path, seconds=40.0):
         at = np.arange(0, seconds, 0.05)
         slip = (at % 4) < 0.6
         counts = 500 + rng.normal(0, 1, (len(at), 4)) * np.where(slip, 60, 5)[:, None]
+        assert counts[slip].std() > 8 * counts[~slip].std() and abs(counts[slip].mean() - counts[~slip].mean()) < 10
         place = folder / "hold" / f"run{number}"
         place.mkdir(parents=True)
         (place / "scanner.log").write_text("\n".join(stamped(at, counts, "%.1f")) + "\n")

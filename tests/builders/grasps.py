@@ -66,4 +66,6 @@ def grasp(before=3, contact=10, seed=0):
     """Return the frames of one grasp: `before` without contact, then `contact` of growing pressure."""
     cells = pressed(seed)
     empty = [frame(k, words(NOTHING)) for k in range(before)]
-    return empty + [frame(before + k, words(np.ceil(cells * (k + 1) / contact))) for k in range(contact)]
+    growing = [np.ceil(cells * (k + 1) / contact) for k in range(contact)]
+    assert (np.diff([0, *(of_frame.sum() for of_frame in growing)]) > 0).all(), "of growing pressure, in contact"
+    return empty + [frame(before + k, words(of_frame)) for k, of_frame in enumerate(growing)]

@@ -12,6 +12,7 @@ def frames(force: np.ndarray, x: float = 30.0, y: float = 30.0, gap_at: int | No
     t_s = np.arange(n) / 50
     if gap_at:
         t_s[gap_at:] += 0.1
+        assert schemas.gaps(t_s, np.zeros(n, int)).sum() == 1
     v = np.full((n, 25), 20)
     v[:, 12] += (10 * force).astype(int)
     schema = schemas.frames(25, 2, pa.int16())

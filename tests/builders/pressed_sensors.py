@@ -15,6 +15,8 @@ def force(presses, peaks=(FULL_N,), ramp_s=1.0, hold_s=2.0, rest_s=2.0, hz=HZ):
     course = np.concatenate(
         [peaks[k % len(peaks)] * shapes[0] for k in range(presses)] + [np.zeros(round(rest_s * hz))]
     )
+    pressed = np.diff(course > 0, prepend=False, append=False)
+    assert pressed.sum() == 2 * presses and course[0] == course[-1] == 0, "rest before, between and after the presses"
     return np.arange(len(course)) / hz, course
 
 

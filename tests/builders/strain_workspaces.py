@@ -10,6 +10,7 @@ CYCLES = 20
 
 def workspace(channels=6, cycles=CYCLES, extra=0, **others):
     """Return the variables that the robot's program saves; the last cycle, of `extra` samples, is not finished."""
+    assert 0 <= extra < CYCLE, "a cycle of all its samples is finished"
     rng = np.random.default_rng(0)
     n = cycles * CYCLE + extra
     pressed = np.arange(n) % CYCLE >= PRESSED

@@ -5,16 +5,20 @@ Members are not listed here: the files of their folders are, and params.yaml. Mo
 
 import ast
 import copy
+import importlib
 import inspect
 import itertools
 
+import numpy as np
+import pyarrow as pa
 import pytest
 import yaml
 from builders.project import ROOT
 
 from pipeline import experiments, scenes, tasks
-from pipeline.base import params, paths
+from pipeline.base import params, paths, workers
 from pipeline.base.paths import Workspace
+from pipeline.datasets import schemas
 from pipeline.scoring import shards
 from pipeline.stages import render, twins
 
@@ -105,6 +109,38 @@ def test_a_twin_says_what_each_of_its_statistics_is(name):
     assert all(unit and len(meaning) > 20 for unit, meaning in module.STATISTICS.values())
 
 
+def scene_of_twin(name: str, workspace: Workspace, values: dict) -> None:
+    """What the scene of a twin is made from, small: settings of it, and the frames that it needs."""
+    values[name]["simulate"] |= {"specimens": 1}
+    if name == "touch":  # two recordings of a taxel, pressed sixteen times for ten seconds, eight seconds apart
+        time_s = np.arange(0, 16 * 18, 0.05)
+        force = np.interp(time_s % 18, [8, 8.1, 17.9, 18], [0, 1, 1, 0]) * (20 + 0.2 * (time_s // 18))
+        columns = {"recording": ["pike9_force_20/exp1"] * len(time_s) + ["pike9_force_20/exp2"] * len(time_s)}
+        columns |= {"t_s": np.tile(time_s, 2), "force_n": schemas.lists(np.tile(force, 2)[:, None], pa.float32())}
+        ohm = 500 + 4000 / (1 + np.tile(force, 2))
+        columns |= {"v": schemas.lists(ohm[:, None], pa.float32())}
+        columns["recording"] = pa.array(columns["recording"]).dictionary_encode().cast(schemas.NAME)
+        table = pa.table(columns)
+        schemas.write(workspace.frames("velostat_recorded"), table.schema, [table])
+    elif name == "glove":
+        values[name]["simulate"] |= SMALL[name] | {"specimens": 1, "sessions": 3}
+        recordings, logs_of = scenes.plan(name, values[name])
+        scenes.write_logs(workspace.logs(name), recordings, logs_of)
+        module, frames = experiments.module(name), []
+        for folder in sorted(workspace.logs(name).glob("*/*")):
+            frames.append(module.read_recording(folder, values[name])[0])
+        schemas.write(workspace.frames(name), frames[0].schema, frames)
+
+
+@pytest.mark.parametrize("name", twins.MODULES)
+def test_a_twin_computes_each_of_its_statistics_once_a_recording(name, workspace):
+    values = copy.deepcopy(VALUES)
+    scene_of_twin(name, workspace, values)
+    found = twins.MODULES[name].simulated(workspace, values)
+    assert set(found["statistic"]) == set(twins.MODULES[name].STATISTICS)
+    assert not found.duplicated(["recording", "statistic"]).any() and np.isfinite(found["value"]).all()
+
+
 RUNNABLE = [
     f"pipeline.{room}.{path.stem}"
     for room in ("stages", "studies")
@@ -141,3 +177,31 @@ def test_a_stage_or_study_says_how_it_is_run_and_dvc_runs_it(name):
     (main,) = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "main"]
     assert [argument.arg for argument in main.args.args] == ["workspace"]
     assert name in RUN_BY_DVC
+
+
+STUDIES = {name: each for name, each in shards.read_sets(Workspace(ROOT)).items() if each.study}
+SEED = 7  # no other number that a study is called with
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_study_runs_everything_once_with_the_seed_that_is_named_and_writes_its_tables(name, workspace, monkeypatch):
+    """Nothing is trained: what would be is noted."""
+    study, experiment = STUDIES[name].study, STUDIES[name].experiment
+    module, asked = importlib.import_module(f"pipeline.studies.{study}"), []
+
+    def noted(function, tasks, bar, **named):
+        for key, arguments in tasks.items():
+            asked.append((function.__name__, *(each for each in arguments if isinstance(each, int | float | str))))
+            yield key, []
+
+    monkeypatch.setattr(workers, "run", noted)
+    monkeypatch.setattr(module, "_write_latents", lambda *given: given[-1].write_text("t_s\n"), raising=False)
+    monkeypatch.setattr("sys.argv", [study, experiment, str(SEED)])
+    module.main(workspace)
+    assert len(asked) > 1 and len(set(asked)) == len(asked) and all(each[-1] == SEED for each in asked)
+    tables = {path.stem: path.read_text() for path in workspace.study_result(experiment, "any").parent.iterdir()}
+    outs = yaml.safe_load((ROOT / "evidence" / "dvc.yaml").read_text())["stages"][name]["outs"]
+    kept = [path.rpartition("/")[2].replace("${study}", study) for out in outs for path in out]
+    assert sorted(f"{table}-${{item.seed}}.csv" for table in tables) == sorted(kept)
+    headers = [set(text.split()[0].split(",")) for table, text in tables.items() if table != "latents"]
+    assert all({"seed", "metric", "unit", "value"} <= header for header in headers)

@@ -1,9 +1,11 @@
-"""What stands in reports/ follows from what else stands there: derived files are computed anew, without training."""
+"""What stands in reports/ follows from the committed tables: derived files are computed anew, without training."""
 
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 from builders.project import ROOT
 from builders.prose import faults
@@ -11,11 +13,14 @@ from builders.prose import faults
 from pipeline.base import params
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
-from pipeline.reporting import speed
-from pipeline.reporting.verdicts import stability
+from pipeline.commands import coverage
+from pipeline.reporting import claims as claims_report
+from pipeline.reporting import experiment as experiment_report
+from pipeline.reporting import speed, studies
 from pipeline.reporting.words.labels import FRONTS, SPREAD
+from pipeline.scenes import glove as glove_scene
 from pipeline.scoring import one_table, results
-from pipeline.stages import metrics
+from pipeline.stages import metrics, render, twins
 
 REPOSITORY = Workspace(ROOT)
 VALUES, REPORTS = params.load(REPOSITORY.params), REPOSITORY.reports
@@ -38,12 +43,20 @@ def read(path) -> pd.DataFrame:
     return table.fillna(dict.fromkeys(table.select_dtypes(exclude="number"), ""))
 
 
-def test_claims_follow_from_the_results(kept):
-    found, committed = judge.table(CLAIMS, kept).set_index("id"), read(REPORTS / "claims.csv").set_index("id")
+@pytest.fixture(scope="module")
+def judged(kept) -> pd.DataFrame:
+    """claims.csv, computed anew."""
+    return judge.table(CLAIMS, kept)
+
+
+def test_claims_follow_from_the_results(judged):
+    found, committed = judged.set_index("id"), read(REPORTS / "claims.csv").set_index("id")
     assert list(found.index) == list(committed.index) and len(found) > 150
     for claim, row in found.iterrows():
         assert list(row[WORDS]) == list(committed.loc[claim, WORDS]), claim
         assert same(row[NUMBERS], committed.loc[claim, NUMBERS]), claim
+    text = claims_report.text(REPOSITORY, judged, {claim.id: claim.tried for claim in CLAIMS})
+    assert text == (REPORTS / "claims.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("experiment", VALUES["experiments"])
@@ -85,20 +98,107 @@ def test_a_speed_table_has_the_measured_times_and_the_models_on_the_front(path):
             assert list(speed.pareto(panel[SPREAD[time]], error)) == list(panel[column] == 1), (column, panel)
 
 
-@pytest.mark.parametrize("experiment", list(stability.ERRORS))
-def test_failures_follow_from_the_stress_tests(experiment):
-    stress = pd.read_csv(REPORTS / "stress.csv", dtype={"condition": str})
-    stress = stress[(stress["experiment"] == experiment) & (stress["metric"] == stability.ERRORS[experiment][0])]
-    error = 1 - stress["value"] if stability.ERRORS[experiment][0] == "accuracy" else stress["value"]
-    found = stability.failures(stress.assign(error=error), experiment, VALUES["stress"][experiment]["usable"])
-    committed = read(REPORTS / "stability" / "failures.csv")
-    committed = committed[committed["experiment"] == experiment]
-    key = ["protocol", "condition", "perturbation", "model"]
-    together = found.merge(committed, on=key, suffixes=("", "_committed"), how="outer", indicator=True)
-    assert (together["_merge"] == "both").all() and len(together)
-    assert list(together["verdict"]) == list(together["verdict_committed"])
-    for column in ("fails_at", "clean", "error", "last_error", "relative"):
-        assert same(together[column], together[f"{column}_committed"]), column
+NOT_DERIVED = {"glove_recorded"}  # what the joint angles alone tell is no committed table
+DRAWN = ("draw", "draw_grasp", "draw_laws", "draw_sequences", "draw_confusions", "draw_task", "draw_time")
+DRAWN += ("draw_studies", "presses")  # functions of reports that draw, or collect what is drawn
+
+
+@pytest.fixture
+def laid_out(workspace, monkeypatch):
+    """`laid_out(experiment)`: the workspace as its stages left it, as far as committed tables say, and a new report.
+
+    Figures are not drawn; those that are committed are there, since a report names the ones that are.
+    """
+    (workspace.root / "evidence").symlink_to(ROOT / "evidence")
+
+    def make(experiment: str):
+        made = {"scores": workspace.scores, "latency": workspace.latency, "claim_inputs": workspace.claim_inputs}
+        for name, path in made.items():
+            table = pd.read_csv(REPORTS / f"{name}.csv", dtype=str, keep_default_na=False)
+            path(experiment).parent.mkdir(parents=True, exist_ok=True)
+            table[table["experiment"] == experiment].to_csv(path(experiment), index=False)
+        workspace.reports.mkdir()
+        shutil.copy(REPORTS / "counts.csv", workspace.reports)
+        workspace.stag(experiment).write_text("form,model,seed,frames,metric,unit,value,n\n")
+        target = workspace.root / "report"
+        for part in ("accuracy", "speed"):
+            (target / part).mkdir(parents=True)
+            for figure in (REPORTS / experiment / part).glob("*.png"):
+                (target / part / figure.name).touch()
+        module = render.REPORTS[experiment]
+        objects = pa.table({"condition": list(glove_scene.OBJECTS)})
+        for name in ("read_windows", "read_latents", *DRAWN):
+            if hasattr(module, name):
+                monkeypatch.setattr(module, name, lambda *given, **named: objects if len(given) == 2 else ())
+        monkeypatch.setattr(experiment_report, "learning_curves", lambda *given: None)
+        monkeypatch.setattr(experiment_report.speed_figures, "chart", lambda *given: None)
+        module.write(workspace, target, VALUES[experiment])
+        return target
+
+    return make
+
+
+@pytest.mark.parametrize("experiment", [name for name in VALUES["experiments"] if name not in NOT_DERIVED])
+def test_the_report_of_an_experiment_follows_from_its_scores_times_and_the_evidence(experiment, laid_out):
+    target = laid_out(experiment)
+    files = {path.relative_to(target) for path in target.rglob("*.*") if path.suffix != ".png"}
+    folder = REPORTS / experiment
+    assert files == {path.relative_to(folder) for path in folder.rglob("*.*") if path.suffix != ".png"}
+    for file in sorted(files):
+        assert_same_file(target / file, folder / file)
+
+
+def assert_same_file(found, committed) -> None:
+    """The same words, and in tables the same numbers to nine digits."""
+    if found.suffix != ".csv":
+        assert found.read_text(encoding="utf-8") == committed.read_text(encoding="utf-8"), committed
+        return
+    ours, theirs = read(found), read(committed)
+    assert list(ours) == list(theirs) and len(ours) == len(theirs), committed
+    for column in ours:
+        number = pd.api.types.is_numeric_dtype(ours[column]) and pd.api.types.is_numeric_dtype(theirs[column])
+        equal = (
+            same(ours[column], theirs[column])
+            if number
+            else ours[column].astype(str).equals(theirs[column].astype(str))
+        )
+        assert equal, (committed, column)
+
+
+@pytest.mark.parametrize("name", ["stability", "rightsize", "physics"])
+def test_the_report_of_a_study_follows_from_the_stress_tests_and_the_evidence(name, tmp_path, undrawn, monkeypatch):
+    """Of every run of the settings: of the committed results there is none missing, wherever they were computed."""
+    monkeypatch.setattr(studies, "why_not_run", lambda *given: None)
+    folder = tmp_path / name
+    folder.mkdir()
+    table = getattr(studies, name)(REPOSITORY, folder, VALUES)
+    for file in sorted(path for path in folder.iterdir() if path.suffix != ".png"):
+        assert_same_file(file, REPORTS / name / file.name)
+    assert {path.name for path in folder.iterdir()} == {path.name for path in (REPORTS / name).iterdir()}
+    if table is not None:
+        table.to_csv(tmp_path / "table.csv", index=False, na_rep="nan" if name == "rightsize" else "")
+        assert_same_file(tmp_path / "table.csv", REPORTS / f"{name}.csv")
+
+
+@pytest.mark.parametrize("experiment", list(twins.MODULES))
+def test_a_twin_is_inside_where_its_median_is_within_the_recorded_range(experiment):
+    table, module = read(REPORTS / "twins.csv"), twins.MODULES[experiment]
+    table = table[table["experiment"] == experiment]
+    said = {row.statistic: (row.unit, row.meaning, row.note) for row in table.itertuples()}
+    assert said == {name: (*about, module.NOTES.get(name, "")) for name, about in module.STATISTICS.items()}
+    assert len(said) == len(table)
+    inside = table["simulated"].between(table["recorded_low"], table["recorded_high"])
+    assert list(inside) == list(table["inside"])
+    for side in studies.SIDES:
+        assert (table[side].between(table[f"{side}_low"], table[f"{side}_high"])).all()
+
+
+def test_the_page_of_coverage_follows_from_its_tables(workspace):
+    shutil.copytree(REPORTS / "coverage", workspace.reports / "coverage")
+    page = workspace.reports / "coverage" / "README.md"
+    page.unlink()
+    coverage.write_page(workspace, VALUES)
+    assert_same_file(page, REPORTS / "coverage" / "README.md")
 
 
 INTERVALS = [path for path in sorted(REPORTS.rglob("*.csv")) if {"low", "high"} <= set(pd.read_csv(path, nrows=0))]

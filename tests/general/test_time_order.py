@@ -85,7 +85,9 @@ def windows(n: int, seed: int) -> tuple:
     """Windows of noise; the upper row of an element's four cells is its last value, the lower its first."""
     x = np.random.default_rng(seed).uniform(0, 1000, (n, FRAMES, 4)).astype(np.float32)
     last, first = (x[:, frame].reshape(n, 2, 2).repeat(2, axis=2) for frame in (-1, 0))
-    return x, np.stack([last, first], axis=2).reshape(n, 16), np.full(n, -1)
+    y = np.stack([last, first], axis=2)
+    assert abs(np.corrcoef(last.ravel(), first.ravel())[0, 1]) < 0.15, "neither frame tells of the other"
+    return x, y.reshape(n, 16), np.full(n, -1)
 
 
 @pytest.mark.parametrize("key", MODELS["windows"])
@@ -104,6 +106,7 @@ def record(outputs: int, samples: int = 1200, seed: int = 0) -> series.Record:
     x = np.random.default_rng(seed).normal(2, 0.1, (samples, 2)).astype(np.float32)
     before = np.roll(x, DELAY, axis=0)
     y = 50 * np.column_stack([x[:, 0], before])[:, :outputs]
+    assert abs(np.corrcoef(y[:, :2].T)[0, 1]) < 0.15, "neither sample tells of the other"
     every = np.ones(samples, bool)
     return series.Record(x, y, every, np.arange(samples) < 0.9 * samples, np.arange(samples) // 8)
 

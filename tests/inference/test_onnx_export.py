@@ -11,11 +11,15 @@ import onnx
 import pytest
 import torch
 from builders.random_models import CASES, CHOSEN, COLUMNS, MAPS, REFUSED, REGRESSIONS, save
+from sklearn.linear_model import Ridge
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
 from pipeline.base.errors import InputError
 from pipeline.commands import export as command
 from pipeline.inference import card as cards
-from pipeline.inference import onnx_export, onnx_network, predictor
+from pipeline.inference import onnx_export, onnx_network, onnx_regressions, predictor
+from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Scaled
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -161,6 +165,16 @@ def test_what_onnx_cannot_hold_is_refused(key, tmp_path):
     with pytest.raises(InputError, match=f"{key}: cannot be written as ONNX, only networks and regressions can"):
         onnx_export.export(model, tmp_path)
     assert onnx_export.faster(model, tmp_path) is model
+
+
+def test_a_regression_that_does_not_scale_its_inputs_is_no_regression_for_onnx():
+    """Nothing says from which range its readings are drawn; it stays in scikit-learn."""
+    x = np.random.default_rng(0).normal(size=(12, MAPS.frames, MAPS.elements)).astype(np.float32)
+    part = x, np.resize(x, (12, MAPS.outputs))
+    for make, held in ((Ridge, False), (lambda: make_pipeline(StandardScaler(), Ridge()), True)):
+        model = SklearnRegressor(lambda seed, make=make: make(), MAPS, count=lambda fitted: 0, macs=None)
+        model.fit(part, part, seed=0)
+        assert onnx_regressions.is_regression(model) == held
 
 
 def test_readings_are_from_the_range_of_the_training(tmp_path):

@@ -1,0 +1,110 @@
+"""What is easy to add: a claim in five lines, a model in two files, a study in one entry; each is in the report."""
+
+import re
+import shutil
+
+import pandas as pd
+import pytest
+import yaml
+from builders.project import ROOT, Project, copy_code, in_this_process
+
+from pipeline.base.params_file import set_values
+from pipeline.claims.rules import REPRODUCED
+from pipeline.scoring import one_table, shards
+from pipeline.stages import judge, render_study, shard
+
+CLAIM = """\
+  - id: better-than-linear
+    text: On double touch LoMP errs less than a linear regression does.
+    source: Table I
+    above: double.linear - double.lomp
+"""
+MODEL = '''\
+"""Build ridge regression from the whole window to the whole map."""
+
+from pydantic import Field
+from sklearn.linear_model import Ridge
+
+from pipeline.learning.estimators import SklearnRegressor
+from pipeline.learning.regressors import Spec
+from pipeline.settings.shared import Block, NotNegative
+
+
+class Settings(Block):
+    """Settings of a model `whole_ridge` in params.yaml."""
+
+    ridge: NotNegative = Field(description="Weight of the squared coefficients")
+
+
+def build(spec: Spec, *, ridge: float) -> SklearnRegressor:
+    """Return the unfitted model."""
+    return SklearnRegressor(lambda seed: Ridge(ridge), spec, count=lambda fitted: fitted.coef_.size, macs=None)
+'''
+STUDY = "capacity: {like: strain, study: latent, models: [lstm_direct], seeds: 1, minutes: 1}\n"
+STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render")
+
+
+def test_a_claim_of_five_lines_is_judged_in_the_report(workspace, monkeypatch):
+    (workspace.root / "evidence").symlink_to(ROOT / "evidence")
+    for path in one_table.of_reports(ROOT / "reports").values():
+        if path.exists():
+            target = workspace.root / path.relative_to(ROOT)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, target)
+    file = workspace.root / "claims" / "mine.yaml"
+    file.parent.mkdir()
+    assert len(CLAIM.splitlines()) <= 5
+    file.write_text(f"paper: lomp\nclaims:\n{CLAIM}")
+    monkeypatch.setattr("sys.argv", ["judge"])
+    judge.main(workspace)
+    row = pd.read_csv(workspace.reports / "claims.csv").set_index("id").loc["lomp/better-than-linear"]
+    assert row["verdict"] == REPRODUCED and 0 < row["low"] < row["ours"] and row["published"] > 0
+    (line,) = [
+        line
+        for line in (workspace.reports / "claims.md").read_text().splitlines()
+        if "a linear regression does" in line
+    ]
+    cells = [cell.strip() for cell in line.split("|")]
+    assert REPRODUCED in cells and f"{row['ours']:.2f} [{row['low']:.2f}, {row['high']:.2f}]" in cells
+
+
+@pytest.mark.slow
+def test_a_model_of_two_files_is_trained_and_in_the_report(tmp_path):
+    """Its file, and its block of settings: no list of models names it."""
+    project = Project(tmp_path)
+    copy_code(project.folder)
+    (project.folder / "pipeline" / "models" / "whole_ridge.py").write_text(MODEL)
+    few = {"touch.simulate.specimens": 1, "touch.protocols.press.seeds": [0], "touch.ablation": {}}
+    project.set({"touch.models": {"constant": {}, "linear": {}, "whole_ridge": {"ridge": 1.0}}} | few)
+    project.stages(*(f"stages.{stage} touch" for stage in STAGES))
+    report = project.folder / "reports" / "touch"
+    table = pd.read_csv(report / "accuracy" / "table1.csv")
+    own, linear = (table[table["model"] == model] for model in ("whole_ridge", "linear"))
+    assert len(own) == len(linear) and set(own["runs"]) == {1} and own["mean"].tolist() != linear["mean"].tolist()
+    for page in ("accuracy/README.md", "speed/table2.md"):
+        assert re.search(r"^\| whole_ridge +\|", (report / page).read_text(), re.MULTILINE), page
+
+
+@pytest.mark.slow
+def test_a_study_of_one_entry_is_computed_and_in_the_report(workspace, monkeypatch, undrawn):
+    in_this_process(monkeypatch)
+    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
+    blocks = {"strain": yaml.safe_load((ROOT / "evidence" / "shards.yaml").read_text())["strain"]}
+    blocks["strain"] |= {"seeds": 1, "set": {}}
+    sets = shards.folder(workspace) / "shards.yaml"
+    sets.parent.mkdir()
+    sets.write_text(yaml.safe_dump(blocks))
+
+    def report() -> str:
+        monkeypatch.setattr("sys.argv", ["render_study", "computed"])
+        render_study.main(workspace)
+        return (workspace.reports / "rightsize" / "README.md").read_text()
+
+    assert "LSTM" not in report()
+    sets.write_text(sets.read_text() + STUDY)
+    monkeypatch.setattr("sys.argv", ["shard", "capacity", "0", "full"])
+    shard.main(workspace)
+    after = report()
+    table = pd.read_csv(workspace.reports / "rightsize.csv")
+    assert set(table["experiment"]) == {"strain"} and sorted(set(table["size"])) == [3, 5] and set(table["runs"]) == {1}
+    assert "LSTM" in after and after.count("Still to be computed") == 2
