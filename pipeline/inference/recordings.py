@@ -121,7 +121,7 @@ class Predicted(NamedTuple):
 
     values: np.ndarray  # (n, *output_shape); NaN: none
     outside: np.ndarray  # (n,) bool, as of Predictor.outside
-    notes: list[str]  # sentences on a rate unlike that of training
+    notes: list[str]  # sentences on a rate unlike that of training, and on why there is no prediction at all
 
 
 def predict(model: Predictor, recording: Recording) -> Predicted:
@@ -132,21 +132,38 @@ def predict(model: Predictor, recording: Recording) -> Predicted:
     """
     x, t_s, segment = recording.x, recording.t_s, recording.segment
     if model.card.kind != "windows" or len(x) < 2:
-        return Predicted(model.predict(x), model.outside(x), [])
+        notes = [too_short(model.card, model.card.inputs.frame_step, len(x))] if model.card.kind == "windows" else []
+        return Predicted(model.predict(x), model.outside(x), notes)
     interval_s = packets.rate(t_s, segment).interval
     step = timing.frame_step(model.card, interval_s)
     lost = np.maximum(0, np.round(np.diff(t_s, prepend=t_s[0]) / interval_s).astype(int) - 1)
     begins = (np.diff(segment, prepend=segment[0]) != 0) | (lost > timing.most_filled(step))
     lost[begins] = 0
     predicted, outside = np.empty((len(x), *model.output_shape), np.float32), np.empty(len(x), bool)
-    edges = [0, *np.flatnonzero(begins), len(x)]
+    edges, longest = [0, *np.flatnonzero(begins), len(x)], 0
     for first, last in itertools.pairwise(edges):
         place = np.arange(last - first) + np.cumsum(lost[first:last])  # of the readings, with the lost ones in between
         every = np.arange(place[-1] + 1)
+        longest = max(longest, len(every))
         whole = np.column_stack([np.interp(every, place, column) for column in x[first:last].T])
         predicted[first:last] = model.predict(whole, step)[place]
         outside[first:last] = model.outside(whole, step)[place]
-    return Predicted(predicted, outside, timing.differences(model.card, interval_s, interval_s))
+    notes = timing.differences(model.card, interval_s, interval_s)
+    notes += [too_short(model.card, step, longest)] if longest <= model.card.reach(step) else []
+    return Predicted(predicted, outside, notes)
+
+
+def too_short(card: Card, step: int, longest: int) -> str:
+    """Say why no reading of a log has a prediction: no stretch without a gap, of `longest` readings, holds a window.
+
+    step: readings from one frame of a window to the next.
+    """
+    span_s = card.reach() * card.inputs.interval_s
+    return (
+        f"no reading has a prediction, since a window spans {span_s:.3g} s, by the times of this log "
+        f"{card.reach(step) + 1} readings, and its longest stretch without a gap has {longest}: record for longer, "
+        "or write times in the unit that their column names"
+    )
 
 
 def has_truth(recording: Recording, card: Card) -> bool:

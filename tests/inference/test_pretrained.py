@@ -127,6 +127,19 @@ def test_a_lost_line_makes_no_touch_and_no_force(double, tmp_path):
     assert without.sum() == 2 * 35, "after the start, and after a gap of five lines"
 
 
+@pytest.mark.parametrize(
+    ("lines", "faster", "needed", "longest"), [(3, 1, 36, 3), (1, 1, 36, 1), (1000, 1000, 35001, 1000)]
+)
+def test_a_log_shorter_than_a_window_is_said_to_have_no_prediction(lines, faster, needed, longest, double):
+    """The last has its times in milliseconds, read as microseconds."""
+    model = predictor.load(TOUCH)
+    whole = recordings.read(double[0], "double", model.card)
+    short = whole._replace(t_s=whole.t_s[:lines] / faster, x=whole.x[:lines], segment=whole.segment[:lines])
+    predicted, _, notes = recordings.predict(model, short)
+    assert np.isnan(predicted).all()
+    assert f" {needed} readings, and its longest stretch without a gap has {longest}: record for longer" in notes[-1]
+
+
 def test_the_program_in_the_documents_runs(capsys):
     text = (ROOT / "docs" / "use.md").read_text().partition("## In a program")[2]
     program = text.partition("```python\n")[2].partition("```")[0].replace("pretrained/", f"{PRETRAINED}/")
