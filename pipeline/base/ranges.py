@@ -5,6 +5,7 @@ margin. The mean sees what no single column does: an array whose rest has shifte
 """
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -47,10 +48,18 @@ class Columns(BaseModel):
     mean_high: float
     mean_margin: float
 
+    @cached_property
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the places of the columns in a reading, and low, high and margin of each, behind them of the mean."""
+        margins = [self.margin] * len(self.low) + [self.mean_margin]
+        ends = np.array([*self.low, self.mean_low]), np.array([*self.high, self.mean_high])
+        return self.first + np.array(self.columns), *ends, np.array(margins)
+
 
 def of(readings: np.ndarray, name: str, first: int, columns: Sequence[int], mean_margin: float) -> Columns:
     """Return the ranges of the columns of one kind in readings (n, columns), n > 0; mean_margin: share of its range."""
-    low, high, mean = readings.min(axis=0), readings.max(axis=0), readings.mean(axis=1, dtype=float)
+    low, high = readings.min(axis=0).astype(float), readings.max(axis=0).astype(float)
+    mean = readings.mean(axis=1, dtype=float)
     least = float(np.spacing(np.float32(np.abs(readings).max())))  # as far as the numbers tell, where nothing varied
     return Columns(
         name=name,
@@ -72,10 +81,9 @@ def excess(readings: np.ndarray, trained_on: Sequence[Columns]) -> np.ndarray:
     """
     found = []
     for kind in trained_on:
-        values = np.asarray(readings)[:, kind.first + np.array(kind.columns)].astype(float)
+        places, low, high, margin = kind.arrays
+        values = np.asarray(readings)[:, places].astype(float)
         values = np.column_stack([values, values.mean(axis=1)])
-        low, high = np.array([*kind.low, kind.mean_low]), np.array([*kind.high, kind.mean_high])
-        margin = np.array([kind.margin] * len(kind.low) + [kind.mean_margin])
         found.append(np.maximum(low - values, values - high) / margin)
     return np.concatenate(found, axis=1)
 

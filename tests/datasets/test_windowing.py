@@ -4,7 +4,7 @@ import numpy as np
 from builders.press_frames import frames, press_force
 
 from pipeline.datasets import schemas
-from pipeline.datasets.windowing import presses, window_rows, windows_of
+from pipeline.datasets.windowing import presses, previous_windows, window_rows, windows_of
 
 
 def test_presses_are_cut_in_the_middle_of_the_rest():
@@ -33,3 +33,13 @@ def test_windows_never_cross_a_gap_or_a_press():
 def test_frame_step_spreads_a_window():
     rows = window_rows(np.zeros(30, int), frames=4, frame_step=3, stride=5)
     assert rows[0].tolist() == [0, 3, 6, 9] and rows[1, 0] == 5 and rows.max() <= 29
+
+
+def test_the_window_before_ends_one_step_before_the_first_frame_and_never_in_another_press():
+    """Three frames, two apart, from every frame on: window k begins at frame k, so that the one before is k - 6."""
+    run = np.zeros(20, int)
+    rows = window_rows(run, frames=3, frame_step=2, stride=1)
+    assert previous_windows(rows, run, frame_step=2).tolist() == [-1] * 6 + list(range(10))
+    run = np.repeat([0, 1], 10)
+    rows = window_rows(run, frames=3, frame_step=2, stride=1)
+    assert previous_windows(rows, run, frame_step=2).tolist() == [-1] * 12
