@@ -289,3 +289,11 @@ def test_expressions():
     assert value("max(x.a, x.b) - abs(x.a)") == [3.0, -2.0] and value("mean(x.a, x.b)") == [2.5, 2.0]
     assert value("1 + (x.a > x.c) + (x.b < x.c)") == [1.0, 3.0]
     assert expressions.evaluate("x.a[v_1].r2", tuple) == ("x", "a", "v_1", "r2")
+
+
+def test_of_two_values_that_must_be_below_one_is_refuted_by_holms_test():
+    """Alone it is above the limit with a p value of 0.02, which is not enough for one of two."""
+    over, under = pd.Series([1.77, 2.77, 3.77]), pd.Series([-5.1, -5.0, -4.9])
+    nothing = {"a": np.nan, "b": np.nan}
+    assert rules.below({"a": over}, nothing, limit=0.0).verdict == CONTRADICTED
+    assert rules.below({"a": over, "b": under}, nothing, limit=0.0).verdict == UNDECIDED
