@@ -23,8 +23,6 @@ from pipeline.own import settings as own_settings
 from pipeline.settings.models import Models
 from pipeline.tasks import windows as tasks_windows
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 VALUES = params.load(ROOT / "params.yaml")
 for own_experiment, yardsticks in own_settings.YARDSTICKS.items():
     VALUES[own_experiment]["models"] |= yardsticks

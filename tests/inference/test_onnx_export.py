@@ -18,8 +18,6 @@ from pipeline.inference import card as cards
 from pipeline.inference import onnx_export, onnx_network, predictor
 from pipeline.learning.regressors import Scaled
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 
 class Exported(NamedTuple):
     """A saved model and its ONNX file."""
