@@ -58,11 +58,6 @@ def test_help_stands_without_docstrings_and_in_a_notebook(arguments, words):
     assert b"usage: tactile" in said and words in said and not wrong
 
 
-def test_an_unknown_command_gets_the_likely_one():
-    _, wrong = ran(["-m", "pipeline.commands.command_line"], "chek", "x").communicate()
-    assert wrong == b"error: there is no command 'chek'; did you mean 'check'?\n"
-
-
 def test_a_matplotlibrc_changes_no_figure(tmp_path):
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfont.size: 30\n")
     style = "from pipeline.reporting.figures.style import plt"

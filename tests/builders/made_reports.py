@@ -314,17 +314,7 @@ def glove(workspace, settings: dict, experiment: str = "glove") -> tuple:
     ]
     costs = {"resnet18": 100, "mobilenet": 20, "resnet3x3": 200, "sp_resnet_nogcam": 10, "sp_resnet": 30}
     rows += [(model, "1x32x32", 16, cost, 10 * cost, np.nan, np.nan, np.nan, np.nan) for model, cost in costs.items()]
-    header = [
-        "model",
-        "input_shape",
-        "classes",
-        "macs",
-        "params",
-        "published_macs",
-        "published_params",
-        "verdict",
-        "note",
-    ]
+    header = "model input_shape classes macs params published_macs published_params verdict note".split()
     pd.DataFrame(rows, columns=header).assign(experiment="glove").to_csv(workspace.reports / "counts.csv", index=False)
     return *made, metrics
 

@@ -1,7 +1,6 @@
 """The reports of all experiments show what the files say: every model, failed runs, printed numbers, verdicts."""
 
 import functools
-import inspect
 import json
 import re
 import shutil
@@ -18,7 +17,6 @@ from builders.project import ROOT
 from scipy.stats import t as student
 
 from pipeline.base.errors import InputError
-from pipeline.base.params import load
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
@@ -28,7 +26,6 @@ from pipeline.reporting.claims import short_row
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import claim_inputs, glove_results, one_table, published, results, shards, strain_results
-from pipeline.stages import render
 
 SPEED = {f"speed/{name}" for name in ("table2.csv", "table2.md", "tradeoff.png", "training.png")}
 FILES = {  # of accuracy/, beside README.md
@@ -387,12 +384,6 @@ def test_velostat_without_recordings_says_why(workspace, monkeypatch):
     target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch)
     assert "tactile fetch velostat_recorded" in (target / "accuracy" / "README.md").read_text()
     assert not list(target.rglob("*.csv")) and not list(target.rglob("*.png"))
-
-
-def test_every_experiment_has_a_report_of_its_name_with_one_contract():
-    assert set(render.REPORTS) == set(load(ROOT / "params.yaml")["experiments"])
-    for report in render.REPORTS.values():
-        assert list(inspect.signature(report.write).parameters) == ["workspace", "target", "settings"]
 
 
 def test_the_fit_of_the_film_is_rounded_from_its_file():
