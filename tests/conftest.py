@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from builders.project import ROOT, SLOW_FIXTURES, Project, run_miniature
+from threadpoolctl import threadpool_limits
 
 from pipeline.base import files
 from pipeline.base.params_file import copied
@@ -54,15 +55,19 @@ def miniature_under_way(request, tmp_path_factory) -> Callable[[], Project]:
         yield wait if worker not in (None, "gw0") else pool.submit(make).result if wanted else None
 
 
-@pytest.fixture
-def one_thread():
-    """Compute as in the stages, where a sum has one order."""
-    import torch  # here, because it takes two seconds
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Import no file of slow tests alone where only fast ones run: the libraries of all of them take seconds."""
+    skipped = config.option.markexpr == "not slow" and collection_path.suffix == ".py"
+    return True if skipped and "\npytestmark = pytest.mark.slow\n" in collection_path.read_text() else None
 
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread():
+    """Compute as in the stages, where a sum has one order; and threads of two processes would wait for each other."""
+    import torch  # noqa: F401 - its threads are limited, too, where a test imports it later
+
+    with threadpool_limits(1):
+        yield
 
 
 @pytest.fixture

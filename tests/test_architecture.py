@@ -1,6 +1,7 @@
 """Rules about the code itself: which room imports which, and what DVC watches."""
 
 import ast
+import functools
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from graphlib import TopologicalSorter
@@ -14,8 +15,9 @@ from dvc.dependency.param import ParamsDependency
 from dvc.repo import Repo
 
 from benchmarks import mutation
+from pipeline.base import imports as import_finder
 from pipeline.base import params
-from pipeline.base.imports import DOORS, NO_NUMBER, closure, imported_names, imports, room
+from pipeline.base.imports import DOORS, NO_NUMBER, closure, imported_names, room
 from pipeline.base.paths import Workspace
 from pipeline.scoring import shards
 from pipeline.stages import train
@@ -58,6 +60,15 @@ BY_NAME |= {"pipeline/base/cluster.py", "pipeline/commands/command_line.py"}  # 
 RUN = 'if __name__ == "__main__":'
 VALUES = params.load(ROOT / "params.yaml")
 SETS = shards.read_sets(Workspace(ROOT))
+imports = functools.cache(import_finder.imports)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def unchanging_code():
+    """Parse each file once: 300 stages come to the same ones."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(import_finder, "imports", imports)
+        yield
 
 
 def reachable(name: str) -> set[str]:
@@ -70,13 +81,12 @@ def test_every_room_has_its_place():
     list(TopologicalSorter(ARROWS).static_order())  # CycleError where two rooms import each other
 
 
-@pytest.mark.parametrize("name", ARROWS)
-def test_imports_point_one_way(name):
+def test_imports_point_one_way():
     wrong = [
         f"{file} imports {other}"
         for file in CODE
         for other in sorted(imports(file))
-        if room(file) == name and room(other) not in reachable(name)
+        if room(other) not in reachable(room(file))
     ]
     assert not wrong, "\n".join(wrong)
 
@@ -97,11 +107,12 @@ def imports_by_name(file: str) -> Iterator[tuple[str, bool]]:
                 yield f"{file}, line {node.lineno}", constant
 
 
-@pytest.mark.parametrize("file", CODE)
-def test_only_names_from_settings_are_imported_by_name(file):
-    for where, constant in imports_by_name(file):
+def test_only_names_from_settings_are_imported_by_name():
+    found = [(file, *each) for file in CODE for each in imports_by_name(file)]
+    for file, where, constant in found:
         assert file in BY_NAME, f"{where}: import the module by name in {sorted(BY_NAME)} only"
         assert not constant, f"{where}: write `from pipeline.<room> import <module>`"
+    assert {file for file, *_ in found} == BY_NAME
 
 
 def test_reporting_does_not_reach_torch():
@@ -122,8 +133,14 @@ class Entry(NamedTuple):
     always_runs: bool
 
 
+@pytest.fixture(scope="module")
+def entries() -> list[Entry]:
+    """Return every stage of dvc.yaml, as DVC fills it in."""
+    return list(stage_entries())
+
+
 def stage_entries() -> Iterator[Entry]:
-    """Yield every stage of dvc.yaml, as DVC fills it in."""
+    """Yield them."""
     with Repo(str(ROOT)) as repo:
         for stage in repo.index.stages:
             read = [dep for dep in stage.deps if isinstance(dep, ParamsDependency) and "shards" not in dep.def_path]
@@ -199,33 +216,31 @@ def unused_by(entry: Entry) -> set[tuple[str, str]]:
     return unused
 
 
-ENTRIES = list(stage_entries())
+def test_dvc_watches_what_a_stage_imports(entries):
+    wrong = []
+    for entry in entries:
+        if entry.always_runs:
+            continue  # whatever changed
+        needed = closure(f"{entry.command[2].replace('.', '/')}.py", files_behind_doors(entry), unused_by(entry))
+        missing = {
+            file
+            for file in needed
+            if room(file) not in NO_NUMBER and not any(file == dep or file.startswith(f"{dep}/") for dep in entry.deps)
+        }
+        wrong += [f"{entry.name}: add to deps {sorted(missing)}"] if missing else []
+    assert len(entries) > 100 and not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
-def test_dvc_watches_what_a_stage_imports(entry):
-    if entry.always_runs:
-        return  # whatever changed
-    needed = closure(f"{entry.command[2].replace('.', '/')}.py", files_behind_doors(entry), unused_by(entry))
-    missing = {
-        file
-        for file in needed
-        if room(file) not in NO_NUMBER and not any(file == dep or file.startswith(f"{dep}/") for dep in entry.deps)
-    }
-    assert not missing, f"{entry.name}: add to deps {sorted(missing)}"
-
-
-@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
-def test_dvc_watches_code_that_is_there_and_can_change_a_number(entry):
-    for dep in entry.deps:
-        assert not dep.startswith("pipeline/") or (ROOT / dep).exists(), f"{entry.name}: {dep} does not exist"
-        assert not dep.startswith(("pipeline/base", "pipeline/settings")), f"{entry.name}: {dep} can change no number"
+def test_dvc_watches_code_that_is_there_and_can_change_a_number(entries):
+    for name, dep in ((entry.name, dep) for entry in entries for dep in entry.deps):
+        assert not dep.startswith("pipeline/") or (ROOT / dep).exists(), f"{name}: {dep} does not exist"
+        assert not dep.startswith(("pipeline/base", "pipeline/settings")), f"{name}: {dep} can change no number"
 
 
 @pytest.mark.parametrize("experiment", VALUES["experiments"])
-def test_a_model_is_made_from_what_dvc_watches_for_its_stage(experiment):
+def test_a_model_is_made_from_what_dvc_watches_for_its_stage(experiment, entries):
     """A change for which DVC runs the stage must train some model again; one for which it does not run, none."""
-    (entry,) = (entry for entry in ENTRIES if entry.name == f"train@{experiment}")
+    (entry,) = (entry for entry in entries if entry.name == f"train@{experiment}")
     needed = closure("pipeline/stages/train.py", files_behind_doors(entry), unused_by(entry))
     code = {file for model in VALUES[experiment]["models"] for file in train.code(experiment, model)}
     assert code == {file for file in needed if room(file) not in NO_NUMBER}
@@ -249,10 +264,10 @@ def test_dvc_yaml_is_a_table_of_contents():
         assert desc and "\n" not in desc, f"{name}: say in one line what it does (desc)"
 
 
-def test_dvc_lock_has_no_stage_that_dvc_yaml_has_not():
+def test_dvc_lock_has_no_stage_that_dvc_yaml_has_not(entries):
     """DVC never removes one, and reads and writes the whole file after every stage."""
     recorded = yaml.safe_load((ROOT / "dvc.lock").read_text())["stages"]
-    dead = sorted(set(recorded) - {entry.name for entry in ENTRIES})
+    dead = sorted(set(recorded) - {entry.name for entry in entries})
     assert not dead, f"take out of dvc.lock: {', '.join(dead)}"
 
 

@@ -29,7 +29,6 @@ from builders.project import ROOT
 from hypothesis import HealthCheck, example, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from threadpoolctl import threadpool_limits
 
 from pipeline import models
 from pipeline.base import availability, params
@@ -61,13 +60,6 @@ def fuzz(count: int, tests: int = 1):
         suppress_health_check=quiet,
         derandomize=not FUZZ,
     )
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_thread():
-    """Threads of BLAS that wait for each other would take processor time too."""
-    with threadpool_limits(1):
-        yield
 
 
 @contextlib.contextmanager

@@ -53,9 +53,9 @@ def unsafe(source: str) -> list[str]:
     return [f"line {line}: {what}" for line, what in found]
 
 
-@pytest.mark.parametrize("path", CODE, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_no_file_executes_what_it_reads(path):
-    assert unsafe(path.read_text()) == []
+def test_no_file_executes_what_it_reads():
+    found = {path.relative_to(ROOT).as_posix(): unsafe(path.read_text()) for path in CODE}
+    assert len(found) > 100 and not {path: lines for path, lines in found.items() if lines}
 
 
 @pytest.mark.parametrize(

@@ -32,13 +32,7 @@ def imported_names(file: str) -> frozenset[str]:
 
 def imports(file: str) -> set[str]:
     """Return the files of this project that Python runs for a file's imports, less an __init__ that does nothing."""
-    files = set()
-    for name in imported_names(file):
-        steps = name.split(".") if name.split(".")[0] == "pipeline" else []
-        for k in range(1, len(steps) + 1):
-            place = "/".join(steps[:k])
-            both = f"{place}.py", f"{place}/__init__.py"
-            files |= {other for other in both if (paths.CODE.parent / other).is_file()}
+    files = _files_of_names(paths.CODE.parent, imported_names(file))
     return {other for other in files if Path(other).name != "__init__.py" or imported_names(other)}
 
 
@@ -68,6 +62,19 @@ def closure(
 def _files_of(name: str) -> list[str]:
     """Return the files of a room."""
     return [path.relative_to(paths.CODE.parent).as_posix() for path in (paths.CODE / name).glob("*.py")]
+
+
+@cache
+def _files_of_names(root: Path, names: frozenset[str]) -> frozenset[str]:
+    """Return the files below `root` that the dotted names come to. Every model and stage asks for the same ones."""
+    files = set()
+    for name in names:
+        steps = name.split(".") if name.split(".")[0] == "pipeline" else []
+        for k in range(1, len(steps) + 1):
+            place = "/".join(steps[:k])
+            both = f"{place}.py", f"{place}/__init__.py"
+            files |= {other for other in both if (root / other).is_file()}
+    return frozenset(files)
 
 
 @cache

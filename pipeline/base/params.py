@@ -4,10 +4,12 @@ A key has the same dotted name in messages, in evidence/shards.yaml and in setti
 `touch.window.stride` is in the block `touch` of params/touch.yaml.
 """
 
+import copy
 import difflib
 import math
 import reprlib
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
@@ -101,22 +103,27 @@ def check(values, sources: Mapping[str, str] | None = None) -> None:
 
 def parsed(path: Path):
     """Return a YAML file's content, read as DVC reads it: YAML 1.2, each key once; InputError where it is not YAML."""
-    reader, name = YAML(typ="safe"), name_of(path)
+    name = name_of(path)
     _check_file(path)
     try:
-        text = path.read_text(encoding="utf-8")
-        depth = 0
-        for event in reader.parse(text):
-            depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
-            if isinstance(event, AliasEvent):
-                raise InputError(f"{name}: '*{event.anchor}' repeats another value; write the value itself")
-            if depth > DEEPEST:
-                raise InputError(f"{name}: blocks or lists lie more than {DEEPEST} deep in each other")
-        return reader.load(text)
+        return copy.deepcopy(_content(path.read_text(encoding="utf-8"), name))
     except (YAMLError, ValueError) as error:  # ValueError: no UTF-8, or a date like 2020-13-01
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
         raise InputError(f"{name}{where}: not valid YAML ({getattr(error, 'problem', error)}); fix it") from error
+
+
+@lru_cache(maxsize=64)
+def _content(text: str, name: str):
+    """Return the content of a file called `name`. Commands read the same files several times, at 5 ms each."""
+    reader, depth = YAML(typ="safe"), 0
+    for event in reader.parse(text):
+        depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+        if isinstance(event, AliasEvent):
+            raise InputError(f"{name}: '*{event.anchor}' repeats another value; write the value itself")
+        if depth > DEEPEST:
+            raise InputError(f"{name}: blocks or lists lie more than {DEEPEST} deep in each other")
+    return reader.load(text)
 
 
 def _shown(value) -> str:

@@ -39,18 +39,23 @@ def test_who_closes_the_pipe_hears_no_more():
     process.stderr.close()
 
 
-@pytest.mark.parametrize("arguments", [["--help"], [], ["check", "--help"]])
-def test_help_stands_without_docstrings_and_in_a_notebook(arguments):
+OF_ALL, OF_CHECK = b"Predict with trained models", b"Read a folder of your own logs"
+SLOW = pytest.mark.slow  # -OO compiles torch and all else that `check` imports, where no bytecode of it is kept
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--help"], OF_ALL),
+        ([], OF_ALL),
+        (["record", "--help"], b"Record what devices print on serial ports"),
+        pytest.param(["check", "--help"], OF_CHECK, marks=SLOW),
+    ],
+)
+def test_help_stands_without_docstrings_and_in_a_notebook(arguments, words):
     backend = {"MPLBACKEND": "module://not_installed.backend"}
     said, wrong = ran(["-OO", "-m", "pipeline.commands.command_line"], *arguments, **backend).communicate()
-    assert b"usage: tactile" in said and not wrong
-    words = b"Read a folder of your own logs" if "check" in arguments else b"Predict with trained models"
-    assert words in said
-
-
-def test_an_unknown_command_gets_the_likely_one():
-    _, wrong = ran(["-m", "pipeline.commands.command_line"], "chek", "x").communicate()
-    assert wrong == b"error: there is no command 'chek'; did you mean 'check'?\n"
+    assert b"usage: tactile" in said and words in said and not wrong
 
 
 def test_a_matplotlibrc_changes_no_figure(tmp_path):

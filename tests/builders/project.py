@@ -15,7 +15,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from threadpoolctl import threadpool_limits
 
 from pipeline.base import modules
 from pipeline.base.params_file import set_values
@@ -47,7 +46,7 @@ def in_this_process(patch: pytest.MonkeyPatch) -> None:
     """Have `own` and `shard` run stages here, where torch is there already, in place of a process each (3 s)."""
 
     def run(root: Path, module: str, *arguments: str, quiet: bool = False) -> None:
-        with pytest.MonkeyPatch.context() as called, threadpool_limits(1):
+        with pytest.MonkeyPatch.context() as called:
             called.setattr(sys, "argv", [module, *arguments, "--root", str(root)])
             main = importlib.import_module(module).main
             main() if module == COMMAND_LINE else main(Workspace(root))

@@ -30,6 +30,7 @@ def recorded(statistics, spread=0.0):
     return pd.DataFrame(rows, columns=["recording", "statistic", "value"])
 
 
+@pytest.mark.slow
 def test_the_value_that_the_recordings_were_made_with_is_the_nearest(short):
     values = short
     made_with = {"circuit.noise_v": 1.4, "strand.sensitivity_per_mm": 0.7}

@@ -43,6 +43,12 @@ def written(folder, lines, **changes):
     return target
 
 
+@pytest.fixture(scope="module")
+def whole(settings, lines, tmp_path_factory):
+    """Frames, rejects and report of the recording as it is."""
+    return strain.read_recording(written(tmp_path_factory.mktemp("whole"), lines), settings)
+
+
 def edited(lines, change):
     """DAQ lines with `change(number, values)` applied to the values of each whole line."""
     result = []
@@ -52,8 +58,8 @@ def edited(lines, change):
     return result
 
 
-def test_uniform_rate_segments_and_every_line_accounted_for(settings, lines, tmp_path):
-    frames, rejects, report = strain.read_recording(written(tmp_path, lines), settings)
+def test_uniform_rate_segments_and_every_line_accounted_for(settings, lines, whole):
+    frames, rejects, report = whole
     segment, time = frames["segment"].to_numpy(), frames["t_s"].to_numpy()
     assert set(segment) == {0, 1}  # one gap of 10 s
     assert np.diff(time)[np.diff(segment) == 0] == pytest.approx(0.2)
@@ -65,10 +71,13 @@ def test_uniform_rate_segments_and_every_line_accounted_for(settings, lines, tmp
     json.dumps(report)
 
 
-@pytest.mark.parametrize(("task", "axis"), [("task_1", 2), ("task_2", 0), ("task_2", 1)])
-def test_robot_is_placed_to_a_fraction_of_a_sample(task, axis, settings, tmp_path):
+@pytest.mark.parametrize(("task", "axes"), [("task_1", [2]), ("task_2", [0, 1])])
+def test_robot_is_placed_to_a_fraction_of_a_sample(task, axes, settings, whole, tmp_path):
     """Its clock starts up to 4 s from the DAQ's; place at a time must be the place the voltages were made from."""
-    frames, _, report = strain.read_recording(written(tmp_path, lines_of(settings, task)), settings)
+    if task == "task_1":
+        frames, _, report = whole
+    else:
+        frames, _, report = strain.read_recording(written(tmp_path, lines_of(settings, task)), settings)
     assert abs(report["robot.log"]["clock"]["offset_ms"]) < 5000
     simulate = settings["simulate"]
     recording = next(r for r in scene_of.recordings(simulate) if r.condition == task)
@@ -77,10 +86,11 @@ def test_robot_is_placed_to_a_fraction_of_a_sample(task, axis, settings, tmp_pat
     clock = scene_of.own_clock(times, simulate["devices"], rng)
     true_time = np.interp(frames["t_s"].to_numpy(), clock, times)
     grid = np.arange(len(recording.place_mm)) * scene_of.STEP_S
-    placed = schemas.matrix(frames["y_mm"])[:, axis]
     lags = np.arange(-0.5, 0.5, 0.02)
-    errors = [np.abs(np.interp(true_time - lag, grid, recording.place_mm[:, axis]) - placed).mean() for lag in lags]
-    assert abs(lags[int(np.argmin(errors))]) <= 0.06  # s; 0.1 s is the strands' own delay
+    for axis in axes:
+        placed, true = schemas.matrix(frames["y_mm"])[:, axis], recording.place_mm[:, axis]
+        errors = [np.abs(np.interp(true_time - lag, grid, true) - placed).mean() for lag in lags]
+        assert abs(lags[int(np.argmin(errors))]) <= 0.06  # s; 0.1 s is the strands' own delay
 
 
 def test_a_tip_follows_the_arm_once_it_has_bent_so_far():
@@ -103,9 +113,9 @@ def later(lines, seconds):
     return result
 
 
-def test_a_silence_of_hours_moves_no_clock(settings, lines, tmp_path):
+def test_a_silence_of_hours_moves_no_clock(settings, lines, whole, tmp_path):
     """A capture that rests for three hours: both devices write nothing, and the robot stays placed as before."""
-    clock = strain.read_recording(written(tmp_path, lines), settings)[2]["robot.log"]["clock"]
+    clock = whole[2]["robot.log"]["clock"]
     split = {"daq.log": 1000, "robot.log": 2000}  # lines, at 5 and 10 Hz
     rested = {name: lines[name][:line] + later(lines[name][line:], 1e4) for name, line in split.items()}
     frames, _, report = strain.read_recording(written(tmp_path, rested), settings)
@@ -130,9 +140,9 @@ def test_clocks_may_have_any_zero(settings, tmp_path, samples, name):
 
 
 @pytest.mark.slow
-def test_noise_of_a_fast_daq_hides_no_motion(settings, lines, tmp_path):
+def test_noise_of_a_fast_daq_hides_no_motion(settings, lines, whole, tmp_path):
     """400 samples a second with 0.5 mV of noise: their rates are 0.3 V/s of noise, of motion 0.03 V/s."""
-    expected = strain.read_recording(written(tmp_path, lines), settings)[2]["robot.log"]["clock"]["offset_ms"]
+    expected = whole[2]["robot.log"]["clock"]["offset_ms"]
     slow = np.array([line.split(",") for line in edited(lines, lambda _, values: values) if line.count(",") == 6])
     slow = slow[np.concatenate([[True], np.diff(slow[:, 0].astype(float)) > 0])].astype(float)
     time = np.arange(slow[0, 0], slow[-1, 0], 1 / 400)
@@ -283,11 +293,10 @@ def test_readings_are_averaged_and_may_be_ohms(settings, tmp_path):
     assert 0.008 < noise[False] < 0.012 and noise[True] < 0.0015
 
 
-def test_only_pressed_samples_count_where_a_depth_is_set(settings, lines, tmp_path):
-    target = written(tmp_path, lines)
-    z = schemas.matrix(strain.read_recording(target, settings)[0]["y_mm"])[:, 2]
+def test_only_pressed_samples_count_where_a_depth_is_set(settings, lines, whole, tmp_path):
+    z = schemas.matrix(whole[0]["y_mm"])[:, 2]
     masked = settings | {"sensor": settings["sensor"] | {"pressed_below_mm": float(np.median(z))}}
-    press = strain.read_recording(target, masked)[0]["press"].to_numpy()
+    press = strain.read_recording(written(tmp_path, lines), masked)[0]["press"].to_numpy()
     assert ((press >= 0) == (z < np.median(z))).all()
     assert set(np.diff(press[press >= 0])) <= {0, 1} and press.max() > 2
     assert strain.task("task_1", masked).pressed_only and not strain.task("task_1", settings).pressed_only
@@ -303,11 +312,10 @@ def test_true_drift_is_that_of_the_seeds_recording(workspace, tmp_path, monkeypa
         assert strain.true_drift(workspace, "task_1", seed, np.array([0.5]))["true drift"] == pytest.approx(value)
 
 
-def test_split_is_chronological(settings, lines, tmp_path):
-    frames, _, _ = strain.read_recording(written(tmp_path, lines), settings)
-    parts = [strain.split(frames, settings, "task_1", 0)]
-    order = [list(parts[0]).index(name) for name in ("train", "validation", "test")]
-    assert order == sorted(order) and (parts[0][-1], parts[0][0]) == ("test", "train")
+def test_split_is_chronological(settings, whole):
+    part = list(strain.split(whole[0], settings, "task_1", 0))
+    order = [part.index(name) for name in ("train", "validation", "test")]
+    assert order == sorted(order) and (part[-1], part[0]) == ("test", "train")
     with pytest.raises(InputError, match="no task 'task_7'"):
         strain.task("task_7", settings)
 

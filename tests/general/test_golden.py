@@ -208,7 +208,12 @@ BOUNDS = {
     results.R2: (-np.inf, 1.0),
     results.PLAIN: (-np.inf, np.inf),
 }
+WITH_INTERVALS = {"claims.csv", "rightsize.csv", "touch/accuracy/table1.csv", "glove/accuracy/table1.csv"}
 EXACT = "physics.csv"  # of exact changes: an effect that a model cannot see changes nothing
+
+
+def test_tables_with_intervals_are_there():
+    assert {relative(path) for path in INTERVALS} >= WITH_INTERVALS
 
 
 @pytest.mark.parametrize("path", [path for path in INTERVALS if path.name != EXACT], ids=relative)
@@ -220,6 +225,7 @@ def test_an_interval_has_width_and_stays_inside_its_bounds(path):
     if "claim" in table:  # numbers that are judged say their unit alone
         percent = (table["kind"] == "number") & (table["unit"] == "%")
         explained = table["claim"].str.contains("(R2 below", regex=False)
+        assert percent.any() and explained.any()
         bounds[percent], bounds[explained, 1] = (0, 100), 1
     outside = table[(table["low"] < bounds[:, 0]) | (table["high"] > bounds[:, 1])]
     assert outside.empty, outside.to_string()

@@ -15,8 +15,6 @@ from pipeline.inference import onnx_export, onnx_network, predictor, recordings
 from pipeline.live.session import Session
 from pipeline.live.source import Lines, line_format
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 ORDER = [3, 0, 4, 1, 5, 2]  # printed column of each element
 LOST = (304, 505, 506)  # lines that are not in the log: one is filled, two are a gap
 SAME = 1e-3  # of the largest prediction: one reading is predicted with weights of 16 bits, many with float32

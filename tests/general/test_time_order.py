@@ -15,8 +15,6 @@ from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted, spec_of
 from pipeline.own import settings as own_settings
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 VALUES = params.load(ROOT / "params.yaml")
 SOLVED, NOT_SOLVED = 0.85, 0.95  # error over that of the mean: at most, and at least
 BOTH, LAST, NEITHER = (True, True), (True, False), (False, False)  # of the last and of the first frame

@@ -22,8 +22,6 @@ from pipeline.inference import onnx_export, onnx_network, onnx_regressions, pred
 from pipeline.learning.estimators import SklearnRegressor
 from pipeline.learning.regressors import Scaled
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 
 class Exported(NamedTuple):
     """A saved model and its ONNX file."""

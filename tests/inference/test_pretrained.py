@@ -1,6 +1,7 @@
 """The models that come with the repository do what their cards say, on logs that the scenes write."""
 
 import argparse
+import functools
 import json
 import os
 import re
@@ -60,16 +61,21 @@ def test_three_models_come_with_the_repository():
     assert size < 5e6, "a few MB in all"
 
 
+@functools.cache
+def card_of(folder: Path) -> str:
+    return model_cards.card_of(Workspace(ROOT), folder)
+
+
 @pytest.mark.parametrize("folder", PACKAGES, ids=lambda folder: folder.name)
 def test_the_model_card_says_what_the_results_say(folder):
-    said = model_cards.card_of(Workspace(ROOT), folder)
+    said = card_of(folder)
     assert (folder / "README.md").read_text() == said, "run `tactile cards`"
     headings = re.findall(r"^\*\*([^*]+)\*\*", said, re.MULTILINE)
     assert headings == ["What for.", "Which sensor.", "How good.", "How sure.", "Limits.", "Licence.", "Made again"]
 
 
 def test_a_model_card_says_what_is_lost_on_another_specimen():
-    said = model_cards.card_of(Workspace(ROOT), STRAIN)
+    said = card_of(STRAIN)
     stress = pd.read_csv(ROOT / "reports" / "stress.csv")
     of = stress[(stress.experiment == "strain") & (stress.perturbation == "specimen") & (stress.metric == "error")]
     mean = of[of.condition == "task_2"].groupby(["model", of.severity > 0])["value"].mean()

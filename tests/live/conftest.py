@@ -1,15 +1,10 @@
-"""Models in packages of their own, on one thread."""
+"""Models in packages of their own."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from builders.live_models import KINDS
-
-
-@pytest.fixture(autouse=True)
-def of_one_thread(one_thread):
-    pass
 
 
 @pytest.fixture(scope="session")

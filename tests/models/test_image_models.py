@@ -20,8 +20,6 @@ from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet
 from pipeline.settings.training import AugmentedTraining
 from pipeline.studies.operations import operations
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 TRAINING = dict(learning_rate=1e-3, batch_size=6, epochs=1, flip=0.0, noise=0.0, affine=0.0)
 SETTINGS = {
     "resnet18": dict(training=TRAINING),

@@ -10,8 +10,6 @@ from pipeline.base.errors import InputError
 from pipeline.learning import per_element
 from pipeline.learning.regressors import Spec
 
-pytestmark = pytest.mark.usefixtures("one_thread")
-
 PAPER = Spec(8, 5, 5, 20, 20)
 SMALL = Spec(3, 2, 2, 4, 4)
 

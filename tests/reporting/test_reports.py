@@ -1,11 +1,12 @@
 """The reports of all experiments show what the files say: every model, failed runs, printed numbers, verdicts."""
 
-import inspect
+import functools
 import json
 import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,8 @@ from builders.project import ROOT
 from scipy.stats import t as student
 
 from pipeline.base.errors import InputError
-from pipeline.base.params import load
+from pipeline.base.params_file import copied
+from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.datasets import images, schemas
 from pipeline.reporting import material, own_sensor
@@ -24,7 +26,6 @@ from pipeline.reporting.claims import short_row
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import claim_inputs, glove_results, one_table, published, results, shards, strain_results
-from pipeline.stages import render
 
 SPEED = {f"speed/{name}" for name in ("table2.csv", "table2.md", "tradeoff.png", "training.png")}
 FILES = {  # of accuracy/, beside README.md
@@ -42,6 +43,44 @@ FILES = {  # of accuracy/, beside README.md
 NEVER = r"\bnan\b|- points|not counted|\b1 seeds|\{\{|\{%|\bNone\b|<built-in|jinja"
 JUDGED = re.compile(r"\| +(reproduced|contradicted|undecided|matches|near|off|outside|calibrated) \|")
 HALF = student.ppf(0.975, 1) / 2  # of the interval of two runs, of their difference
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """`written(experiment)`: a workspace with what the stages before `render` leave, made once."""
+
+    def write(experiment: str) -> Workspace:
+        made = Workspace(tmp_path_factory.mktemp(experiment))
+        copied(ROOT / "params.yaml", made.root)
+        made_reports.write(made, experiment, made_reports.settings_of(experiment))
+        return made
+
+    return functools.cache(write)
+
+
+@pytest.fixture
+def made(written, workspace):
+    """`made(experiment)`: its settings, after a copy of what is written of it was put into the workspace."""
+
+    def copy(experiment: str) -> dict:
+        shutil.copytree(written(experiment).root, workspace.root, dirs_exist_ok=True)
+        return made_reports.settings_of(experiment)
+
+    return copy
+
+
+@pytest.fixture(scope="module")
+def shown(written, tmp_path_factory):
+    """`shown(experiment)`: the folder of its report, rendered once and without figures."""
+
+    def render(experiment: str) -> Path:
+        copy = Workspace(tmp_path_factory.mktemp("shown") / experiment)
+        shutil.copytree(written(experiment).root, copy.root)
+        with pytest.MonkeyPatch.context() as patch:
+            made_reports.unplot(patch)
+            return made_reports.rendered(copy, experiment, made_reports.settings_of(experiment), patch)
+
+    return functools.cache(render)
 
 
 def cells(line: str) -> list[str]:
@@ -114,9 +153,8 @@ def test_figures_are_drawn(workspace, monkeypatch, experiment):
 
 
 @pytest.mark.slow
-def test_reports_repeat_byte_for_byte_and_measured_times_are_in_speed_alone(workspace, monkeypatch):
-    settings = made_reports.settings_of("velostat_recorded")
-    made_reports.write(workspace, "velostat_recorded", settings)
+def test_reports_repeat_byte_for_byte_and_measured_times_are_in_speed_alone(workspace, made, monkeypatch):
+    settings = made("velostat_recorded")
     (workspace.reports / "velostat_recorded").mkdir(parents=True)
     (workspace.reports / "velostat_recorded" / "stale.md").write_text("of a model that was removed")
     target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch)
@@ -130,22 +168,20 @@ def test_reports_repeat_byte_for_byte_and_measured_times_are_in_speed_alone(work
 
 
 @pytest.mark.parametrize("experiment", ["touch", "strain", "glove"])
-def test_words_and_tables_of_accuracy_have_no_measured_time(workspace, unplotted, monkeypatch, experiment):
-    settings = made_reports.settings_of(experiment)
-    made_reports.write(workspace, experiment, settings)
-    target = made_reports.rendered(workspace, experiment, settings, monkeypatch) / "accuracy"
-    first = {path.name: path.read_bytes() for path in target.iterdir()}
+def test_words_and_tables_of_accuracy_have_no_measured_time(workspace, made, shown, unplotted, monkeypatch, experiment):
+    settings = made(experiment)
     latency = pd.read_csv(workspace.latency(experiment))
     latency[["p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms"]] *= 1.5
     latency.to_csv(workspace.latency(experiment), index=False)
-    made_reports.rendered(workspace, experiment, settings, monkeypatch)
-    assert {path.name: path.read_bytes() for path in target.iterdir()} == first
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    slower, usual = (
+        {path.name: path.read_bytes() for path in (at / "accuracy").iterdir()} for at in (target, shown(experiment))
+    )
+    assert slower == usual
 
 
-def test_numbers_of_touch(workspace, unplotted, monkeypatch):
-    settings = made_reports.settings_of("touch")
-    made_reports.write(workspace, "touch", settings)
-    target = made_reports.rendered(workspace, "touch", settings, monkeypatch)
+def test_numbers_of_touch(shown):
+    target = shown("touch")
     text = (target / "accuracy" / "README.md").read_text()
     linear = next(line for line in text.splitlines() if line.startswith("| Linear  "))
     low, high = (np.sqrt(30 * 31) * (31 / 30) ** (side * HALF) for side in (-1, 1))  # the runs have 30 and 31 kPa
@@ -165,10 +201,8 @@ def test_numbers_of_touch(workspace, unplotted, monkeypatch):
     assert ["LoMP", "1.45", "0.500"] in [cells(line) for line in speed.splitlines()]  # Table II: 1.45 ms
 
 
-def test_numbers_of_strain_stand_beside_the_printed_ones(workspace, unplotted, monkeypatch):
-    settings = made_reports.settings_of("strain")
-    made_reports.write(workspace, "strain", settings)
-    target = made_reports.rendered(workspace, "strain", settings, monkeypatch)
+def test_numbers_of_strain_stand_beside_the_printed_ones(shown):
+    target = shown("strain")
     text = (target / "accuracy" / "README.md").read_text()
     rows = [cells(line) for line in text.splitlines() if line.startswith("| LSTM, direct ")]
     assert [row[:4] for row in rows[:2]] == [
@@ -182,10 +216,8 @@ def test_numbers_of_strain_stand_beside_the_printed_ones(workspace, unplotted, m
     assert ["LSTM, transfer (Adam)", "93", "9.5"] in [cells(line) for line in times.splitlines()]
 
 
-def test_numbers_of_glove(workspace, unplotted, monkeypatch):
-    settings = made_reports.settings_of("glove")
-    made_reports.write(workspace, "glove", settings)
-    target = made_reports.rendered(workspace, "glove", settings, monkeypatch)
+def test_numbers_of_glove(shown):
+    target = shown("glove")
     text = (target / "accuracy" / "README.md").read_text()
     own = results.estimate([0.82, 0.83], results.SHARE).percent()
     rows = [cells(line) for line in text.splitlines() if line.startswith("| SP-ResNet  ")]
@@ -207,9 +239,8 @@ def test_numbers_of_glove(workspace, unplotted, monkeypatch):
 
 
 @pytest.mark.parametrize("experiment", ["touch", "glove"])
-def test_verdicts_of_a_report_are_those_of_the_claims(workspace, unplotted, monkeypatch, experiment):
-    settings = made_reports.settings_of(experiment)
-    made_reports.write(workspace, experiment, settings)
+def test_verdicts_of_a_report_are_those_of_the_claims(workspace, made, unplotted, monkeypatch, experiment):
+    settings = made(experiment)
     made_reports.write_evidence(workspace, experiment)
     target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
     claims = [claim for claim in entries.read(workspace)[0] if claim.experiment == experiment]
@@ -223,18 +254,16 @@ def test_verdicts_of_a_report_are_those_of_the_claims(workspace, unplotted, monk
 
 
 @pytest.mark.slow
-def test_stag_is_drawn_where_there_is_a_file(workspace, unplotted, monkeypatch):
-    settings = made_reports.settings_of("glove")
+def test_stag_is_drawn_where_there_is_a_file(workspace, made, unplotted, monkeypatch):
+    settings = made("glove")
     levels = {"sp_resnet": np.linspace(0.6, 0.74, 8), "resnet3x3": np.linspace(0.5, 0.64, 8)}
-    made_reports.write(workspace, "glove", settings)
     made_reports.by_frames(levels, 1).to_csv(workspace.experiment_folder("glove") / "stag.csv", index=False)
     text = (made_reports.rendered(workspace, "glove", settings, monkeypatch) / "accuracy" / "README.md").read_text()
     assert "(figure15_stag.png)" in text and "no file of it is named" not in text
 
 
-def test_a_run_that_is_not_there_is_said(workspace):
-    settings = made_reports.settings_of("touch")
-    made_reports.write(workspace, "touch", settings)
+def test_a_run_that_is_not_there_is_said(workspace, made):
+    settings = made("touch")
     scores = pd.read_csv(workspace.scores("touch"))
     gone = (scores["model"] == "rnn") | (scores["model"] == "lomp") & (scores["seed"] == 1)
     scores[~gone].to_csv(workspace.scores("touch"), index=False)
@@ -246,9 +275,8 @@ def test_a_run_that_is_not_there_is_said(workspace):
     assert report.text(nothing, "") == "not run"
 
 
-def test_the_ratio_of_shares_is_that_of_what_is_missing(workspace):
-    settings = made_reports.settings_of("glove")
-    made_reports.write(workspace, "glove", settings)
+def test_the_ratio_of_shares_is_that_of_what_is_missing(workspace, made):
+    settings = made("glove")
     report = Report(workspace, "glove", settings)
     place = ("session_strain", "strain")
     ratio = report.ratio((*place, "sp_resnet", "accuracy"), (*place, "constant", "accuracy"))
@@ -271,9 +299,8 @@ def test_the_ratio_of_shares_is_that_of_what_is_missing(workspace):
         ("glove_recorded", "probe.csv"),
     ],
 )
-def test_a_missing_file_is_named(workspace, unplotted, monkeypatch, experiment, missing):
-    settings = made_reports.settings_of(experiment)
-    made_reports.write(workspace, experiment, settings)
+def test_a_missing_file_is_named(workspace, made, unplotted, monkeypatch, experiment, missing):
+    settings = made(experiment)
     (workspace.experiment_folder(experiment) / missing).unlink()
     with pytest.raises(InputError, match=f"data/{experiment}/{missing}: not found"):
         made_reports.rendered(workspace, experiment, settings, monkeypatch)
@@ -281,9 +308,8 @@ def test_a_missing_file_is_named(workspace, unplotted, monkeypatch, experiment, 
 
 
 @pytest.mark.parametrize("experiment", ["touch", "strain", "glove"])
-def test_a_study_that_was_not_computed_is_said_and_nothing_breaks(workspace, unplotted, monkeypatch, experiment):
-    settings = made_reports.settings_of(experiment)
-    made_reports.write(workspace, experiment, settings)
+def test_a_study_that_was_not_computed_is_said_and_nothing_breaks(workspace, made, unplotted, monkeypatch, experiment):
+    settings = made(experiment)
     shutil.rmtree(shards.folder(workspace) / "studies")
     rows = claim_inputs.rows(workspace, experiment, settings)
     rows.to_csv(workspace.claim_inputs(experiment), index=False)
@@ -310,9 +336,8 @@ def test_models_and_conditions_can_be_left_out(workspace, unplotted, monkeypatch
         assert "no recordings of double touch" in text and not (target / "figure6.png").exists()
 
 
-def test_predictions_must_cover_the_test_windows(workspace):
-    settings = made_reports.settings_of("touch")
-    made_reports.write(workspace, "touch", settings)
+def test_predictions_must_cover_the_test_windows(workspace, made):
+    made("touch")
     path = workspace.predictions("touch") / "rnn.parquet"
     data = pyarrow.parquet.read_table(path)
     schemas.write(path, data.schema, [data.slice(1)])
@@ -323,9 +348,8 @@ def test_predictions_must_cover_the_test_windows(workspace):
     assert np.isnan(whole[:4]).all() and np.isfinite(whole[4:]).all()
 
 
-def test_figure_15_has_both_forms_and_networks_of_several_frames_begin_with_one(workspace):
-    settings = made_reports.settings_of("glove")
-    made_reports.write(workspace, "glove", settings)
+def test_figure_15_has_both_forms_and_networks_of_several_frames_begin_with_one(workspace, made):
+    made("glove")
     both = glove_results.read_frames(workspace, "combined", ["sp_resnet"])
     assert set(both["model"]) == {"sp_resnet"}
     trained, mean = (both[both["form"] == form].drop(columns="form") for form in ("trained", "mean"))
@@ -360,12 +384,6 @@ def test_velostat_without_recordings_says_why(workspace, monkeypatch):
     target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch)
     assert "tactile fetch velostat_recorded" in (target / "accuracy" / "README.md").read_text()
     assert not list(target.rglob("*.csv")) and not list(target.rglob("*.png"))
-
-
-def test_every_experiment_has_a_report_of_its_name_with_one_contract():
-    assert set(render.REPORTS) == set(load(ROOT / "params.yaml")["experiments"])
-    for report in render.REPORTS.values():
-        assert list(inspect.signature(report.write).parameters) == ["workspace", "target", "settings"]
 
 
 def test_the_fit_of_the_film_is_rounded_from_its_file():

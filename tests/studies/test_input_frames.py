@@ -124,6 +124,7 @@ def test_an_epoch_sees_as_many_images_as_that_of_one_frame_and_only_those_of_tra
     assert set(part[sum(seen, [])]) == {"train"}
 
 
+@pytest.mark.slow
 def test_a_network_of_several_frames_is_fitted_on_training_chosen_by_validation_and_scored_on_the_test():
     """Who learned the right names is wrong where the names are exchanged; in the validation, learns nothing."""
 

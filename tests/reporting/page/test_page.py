@@ -27,20 +27,7 @@ ABSENT = "glove_recorded"
 AXE = Path(axe_core_python.__file__).with_name("axe.min.js")
 EVIL = '<script>alert("x")</script> & <b>'
 CLAIMS = [  # id, claim, paper, data, published, ours, low, high, verdict, reason, kind, unit
-    (
-        "lomp/lomp-best-double",
-        "LoMP is below.",
-        "lomp",
-        "simulated",
-        4.5,
-        2.2,
-        2.1,
-        2.3,
-        "reproduced",
-        "",
-        "sentence",
-        "kPa",
-    ),
+    ("lomp/lomp-best-double", "Below.", "lomp", "simulated", 4.5, 2.2, 2.1, 2.3, "reproduced", "", "sentence", "kPa"),
     ("lomp/rmse", "It is 8.68.", "lomp", "simulated", 8.68, 12.5, 12, 13, "off", "the band", "number", "kPa"),
     ("latent/w/recorded", "It has 50.", "latent", "recorded", 50, 9, None, None, "matches", "", "number", "count"),
     ("latent/evil", EVIL, "latent", "simulated", *[None] * 4, "outside", f"because {EVIL}", "sentence", "mm"),
