@@ -122,10 +122,12 @@ def below(values: Values, printed: Printed, *, limit: float, scale: str = result
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
 
 
-def near(values: Values, printed: Printed, *, best: float = 0.0) -> Judgement:
+def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str = "") -> Judgement:
     """Judge a printed number in three steps, on the scale of errors: it matches, is near, or is off.
 
     best: the value of no error, such as 100 %; of 95 % right, the band is a share of the 5 % wrong.
+    unfinished: why a whole training would come nearer to `best`: then ours is a bound, which decides the claim only
+    where it is off by being better.
     """
     runs, published = only(values), only(printed)
     error = best == 0 and (runs.dropna() > 0).all()  # a gain, which is not, can be below zero
@@ -139,8 +141,12 @@ def near(values: Values, printed: Printed, *, best: float = 0.0) -> Judgement:
     for word, width in ((NEAR, 2 * band), (MATCHES, band)):
         if published - width <= mean.low and mean.high <= published + width:
             verdict = word
+    better = mean.low > published + band if best > published else mean.high < published - band
+    if unfinished and (verdict != OFF or not better):
+        verdict = UNDECIDED
     off = (mean.mean - best) / (published - best) - 1
     reason = f"{'error ' if best else ''}{100 * off:+.0f} % from the published one"
+    reason += f"; a bound, as {unfinished}" if unfinished else ""
     power = _power(values, printed, lambda low, high: _inside(low, high, published - band, published + band))
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
 
@@ -178,8 +184,11 @@ def place(values: Values, printed: Printed) -> Judgement:
     return replace(within(values, printed, around=published, margin=0.5), power=np.nan)
 
 
-def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgement:
-    """Judge an order: its rank correlation with the printed one (Spearman 1904) is above the limit."""
+def order(values: Values, printed: Printed, *, limit: float = RANKS, unfinished: str = "") -> Judgement:
+    """Judge an order: its rank correlation with the printed one (Spearman 1904) is above the limit.
+
+    unfinished: why whole trainings may come in another order, so that none is contradicted.
+    """
     frame = pd.DataFrame(values).dropna()
     printed_ranks = stats.rankdata([printed[name] for name in frame])
     correlation = frame.rank(axis=1).apply(lambda ranks: np.corrcoef(ranks, printed_ranks)[0, 1], axis=1)
@@ -187,8 +196,9 @@ def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgemen
         verdict = REPRODUCED if correlation.iloc[0] > limit else CONTRADICTED
         return Judgement(correlation.iloc[0], np.nan, np.nan, verdict, "in every run", len(correlation))
     mean = interval(correlation)
-    verdict = REPRODUCED if mean.low > limit else CONTRADICTED if mean.high < limit else UNDECIDED
+    verdict = REPRODUCED if mean.low > limit else CONTRADICTED if mean.high < limit and not unfinished else UNDECIDED
     reason = f"rank correlation with the printed order; limit {limit:g}"
+    reason += f"; not contradicted, as {unfinished}" if unfinished and mean.high < limit else ""
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs)
 
 
