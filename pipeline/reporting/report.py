@@ -41,6 +41,7 @@ class Report:
             if self.simulated and (shards.folder(workspace) / "shards.yaml").exists()
             else {}
         )
+        self._variants = {name for name, each in sets.items() if each.variant}
         self._sets = {protocol: each for each in sets.values() if not each.variant for protocol in each.protocols}
         paper, *_ = published.SCORES.get(experiment, ("",)) if self.simulated else ("",)
         rows = published.table(paper).itertuples()
@@ -53,8 +54,19 @@ class Report:
         return self.results.estimate(self.experiment, protocol, condition, model, metric, variant=variant)
 
     def training_times(self, protocol: str, model: str, budget: str) -> list[float]:
-        """Return the seconds of each training of the evidence at a budget, on a core or a card."""
-        return self.results.runs(self.experiment, protocol, protocol, model, "train_s", budget=budget).tolist()
+        """Return the seconds of each training of the evidence at a budget, of the machine that did the most of them.
+
+        Seconds of a core and of a card are no spread of one time.
+        """
+        folder = shards.folder(self.workspace)
+        runs = self.results.runs(self.experiment, protocol, protocol, model, "train_s", budget=budget)
+        index = shards.table(folder / "index.csv", shards.INDEX)
+        of_budget = index[(index["experiment"] == self.experiment) & (index["budget"] == budget)]
+        times = shards.table(folder / "times.csv", shards.TIMES).merge(of_budget[["shard", "machine"]], on="shard")
+        times = times[(times["model"] == model) & (times["protocol"] == protocol)]
+        times = times[~times["shard"].str.rsplit("-", n=2).str[0].isin(self._variants)]
+        seeds = times[times["machine"] == times["machine"].mode().get(0)]["seed"].astype(int)
+        return runs[runs.index.isin(seeds)].tolist()
 
     def machines(self) -> str:
         """Name the processors and cards that the shards of the evidence were trained on; empty where there are none."""

@@ -1,5 +1,7 @@
 """Charts and tables of speed against accuracy: the right fronts, every model named, no failure drawn as a result."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,6 +11,7 @@ from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.figures import style
 from pipeline.reporting.report import Report
+from pipeline.scoring import shards
 from pipeline.scoring.one_table import Results
 
 
@@ -110,6 +113,7 @@ def test_times_of_the_evidence_are_of_the_budget_of_the_errors(workspace, measur
         for condition, metric, value in (("strain", "accuracy", right), ("session_strain", "train_s", seconds + seed))
     ]
     report.results = Results(pd.concat([report.results.table, pd.DataFrame(rows)], ignore_index=True))
+    index_of(workspace, {f"set-{seed}-{budget}": "core" for budget in of_budgets for seed in (0, 1, 2)})
     found = speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
     tree, cnn = found.loc["strain", "tree"], found.loc["strain", "cnn"]
     assert (tree["budget"], tree["train_s"], tree["train_low_s"], tree["train_high_s"]) == ("full", 41.0, 40.0, 42.0)
@@ -169,3 +173,26 @@ def test_a_failed_model_is_at_the_top_and_an_error_of_zero_on_the_chart(workspac
             low, high = ax.get_ylim()
             assert marks[style.GREEN].get_ydata()[0] == speed_figures.TOP, "share of the axis"
             assert low < marks[style.GREY].get_ydata()[0] < 40 < high, "of zero there is no logarithm"
+
+
+def index_of(workspace, machines: dict[str, str]) -> None:
+    """Index and times of shards, SET-SEED-BUDGET -> machine, that trained a tree on bending."""
+    folder = shards.folder(workspace)
+    folder.mkdir()
+    index = [
+        {"shard": shard, "experiment": "glove", "budget": shard.rsplit("-", 1)[1], "machine": machine}
+        for shard, machine in machines.items()
+    ]
+    run = {"model": "tree", "protocol": "session_strain", "epochs": 4, "train_s": 1}
+    times = [run | {"shard": shard, "seed": shard.split("-")[1]} for shard in machines]
+    pd.DataFrame(index, columns=shards.INDEX).to_csv(folder / "index.csv", index=False)
+    pd.DataFrame(times, columns=shards.TIMES).to_csv(folder / "times.csv", index=False)
+
+
+def test_training_times_of_the_evidence_are_of_one_machine_and_of_no_variant(workspace):
+    """Seconds of a core and of a card are no spread of one time; the machine that did the most trainings counts."""
+    index_of(workspace, {"set-0-full": "card", "set-1-full": "core", "set-2-full": "core", "longer-0-full": "core"})
+    results = SimpleNamespace(runs=lambda *where, budget: pd.Series({0: 0.5, 1: 20.0, 2: 21.0}))
+    report = SimpleNamespace(workspace=workspace, experiment="glove", results=results, _variants={"longer"})
+    assert Report.training_times(report, "session_strain", "tree", "full") == [20.0, 21.0]
+    assert Report.training_times(report, "session_strain", "tree", "half") == []
