@@ -39,8 +39,8 @@ def main(workspace: Workspace) -> None:
 
 def state(places: Iterable[Path]) -> str:
     """Return a line that differs where a file in or below one of `places` is new, gone or changed."""
-    found = [path for place in places for path in (place, *sorted(place.rglob("*"))) if path.is_file()]
-    found = [path for path in found if path.suffix != ".pyc"]  # written when a stage that came later was first imported
+    found = [path for place in places for path in (place, *sorted(place.rglob("*")))]
+    found = [path for path in found if "__pycache__" not in path.parts and path.is_file()]  # written at a first import
     told = [(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in found]
     return hashlib.sha256(json.dumps(told).encode()).hexdigest() + "\n"
 

@@ -76,3 +76,15 @@ def test_of_a_server_no_file_tells(tracks, monkeypatch):
     assert tracks() and not tracks()
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:1")
     assert tracks() and tracks()
+
+
+def test_what_python_keeps_of_imported_code_is_no_change(workspace, tracks, monkeypatch, tmp_path):
+    """Another process may be writing it: then it has a name of its own for a moment."""
+    monkeypatch.setattr(track.paths, "CODE", tmp_path / "pipeline")
+    assert tracks() and not tracks()
+    kept = tmp_path / "pipeline" / "__pycache__" / "new.cpython-311.pyc.140201"
+    kept.parent.mkdir(parents=True)
+    kept.write_text("half")
+    assert not tracks()
+    (kept.parents[1] / "new.py").write_text("code")
+    assert tracks()
