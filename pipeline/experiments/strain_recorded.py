@@ -129,7 +129,7 @@ def channels(protocol: str, condition: str) -> list[int]:
     """Return the columns of v that models of a protocol see on one day; InputError for an unknown protocol or day."""
     days = task(protocol, {}).channels
     if condition not in days:
-        raise InputError(f"strain_recorded, protocol {protocol}: does not use {condition}")
+        raise InputError(f"strain_recorded, protocol {protocol}: has no {condition}, only {' and '.join(days)}")
     return days[condition]
 
 

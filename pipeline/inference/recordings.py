@@ -89,7 +89,7 @@ def read(path: Path, name: str, card: Card) -> Recording:
     limit = f"{experiment}.ingest.max_reject_fraction"
     if experiment not in LOGS or experiment == "glove":
         frames, rejects, _ = module.read_recording(path.parent if experiment in LOGS else path, settings)
-        return _of_frames(path, name, frames, rejects)
+        return _of_frames(path, name, frames, rejects, card)
     fmt = module.array_format(settings) if experiment == "touch" else module.formats(settings)[LOGS[experiment]]
     ingest, laid_out = settings["ingest"], layout.of(settings["ingest"], LOGS[experiment])
     rows, rejects = parse.read_log(path, fmt, limit=ingest["max_reject_fraction"], key=limit, layout=laid_out)
@@ -99,21 +99,31 @@ def read(path: Path, name: str, card: Card) -> Recording:
     if experiment == "strain":
         nowhere = np.full((len(time), 3), np.nan)
         frames = module.resampled(condition, path.parent.name, time, values, nowhere, settings["ingest"])
-        return _of_frames(path, name, frames, rejects)
+        return _of_frames(path, name, frames, rejects, card)
     values, segment = module.in_order(values, settings), rows["segment"].to_numpy()
     return Recording(path, name, condition, time, values, segment, int(schemas.gaps(time, segment).sum()), rejects)
 
 
-def _of_frames(path: Path, name: str, frames: pa.Table, rejects: pa.Table) -> Recording:
+def _of_frames(path: Path, name: str, frames: pa.Table, rejects: pa.Table, card: Card) -> Recording:
     condition, gaps = schemas.names(frames["condition"])[0], int(frames["gap_before"].to_numpy()[1:].sum())
     time, segment = (frames[column].to_numpy() for column in ("t_s", "segment"))
-    return Recording(path, name, condition, time, _readings(frames), segment, gaps, rejects)
+    return Recording(path, name, condition, time, _readings(frames, card), segment, gaps, rejects)
 
 
-def _readings(frames: pa.Table) -> np.ndarray:
-    """Return the sensor's columns of frames, (n, columns)."""
+def _readings(frames: pa.Table, card: Card) -> np.ndarray:
+    """Return the sensor's columns of the frames of a recording, (n, columns), where the card says that they are.
+
+    A card names the columns of the first day that its model was trained on; of recorded strands another day has others.
+    Raises InputError for a day that the card's protocol does not use.
+    """
     names = ["v"] if "v" in frames.column_names else images.reading_columns(frames.schema)
-    return np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1)
+    readings = np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1)
+    if card.experiment != "strain_recorded":
+        return readings
+    of_day = experiments.module(card.experiment).channels(card.protocol, schemas.names(frames["condition"])[0])
+    placed = np.full_like(readings, np.nan)
+    placed[:, card.inputs.chosen] = readings[:, of_day]
+    return placed
 
 
 class Predicted(NamedTuple):
@@ -191,13 +201,13 @@ def scores(model: Predictor, path: Path) -> list[metrics.Row]:
         asked = module.task(card.protocol, settings)
         y, press = schemas.matrix(frames["y_mm"])[:, list(asked.outputs)], frames["press"].to_numpy()
         counted = press >= 0 if asked.pressed_only else np.ones(len(y), bool)
-        record = Record(_readings(frames), y, counted, np.zeros(len(y), bool), press)
+        record = Record(_readings(frames, card), y, counted, np.zeros(len(y), bool), press)
         return metrics.series(record, model.predict(record.x), asked.outputs)
     chosen = frames.take(pa.array(module.chosen(frames, settings)))
     object_ = schemas.names(frames["condition"])[0]
     truth = np.eye(len(card.outputs.names))[[card.outputs.names.index(object_)] * chosen.num_rows]
     # Of one object alone, macro precision says nothing.
-    return classification.scores(truth, model.predict(_readings(chosen)))[:1]
+    return classification.scores(truth, model.predict(_readings(chosen, card)))[:1]
 
 
 def _scores_of_windows(model: Predictor, module, task, frames: pa.Table, settings: Mapping) -> list[metrics.Row]:

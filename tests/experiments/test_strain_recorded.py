@@ -1,5 +1,7 @@
 """The reader of the recorded strain sensors: MATLAB workspaces in, frames in the order of time out."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from builders.strain_workspaces import CYCLES, save, workspace
@@ -9,6 +11,7 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
 from pipeline.experiments import strain_recorded
 from pipeline.experiments.strain_recorded import CYCLE, PRESSED, read_recording
+from pipeline.inference import recordings
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted
 from pipeline.logs import parse
@@ -173,8 +176,24 @@ def test_channels_pair_the_same_strands():
     assert strain_recorded.channels("across_days_xy", "day_1") == [0, 1, 2, 3, 4]
     assert strain_recorded.channels("new_places_xy", "day_2") == [1, 2, 3, 4, 5]
     assert strain_recorded.channels("failing_channel_z", "day_2") == [*range(7)]
-    with pytest.raises(InputError, match="protocol within_day_xy: does not use day_2"):
+    with pytest.raises(InputError, match="protocol within_day_xy: has no day_2, only day_1"):
         strain_recorded.channels("within_day_xy", "day_2")
+
+
+def test_a_trained_model_is_given_the_same_strands_of_both_days(tmp_path):
+    """Read as they stand, those of the second day would be one strand off."""
+    inputs = SimpleNamespace(chosen=strain_recorded.channels("across_days_xy", "day_1"))
+    card = SimpleNamespace(
+        experiment="strain_recorded", protocol="across_days_xy", reading=SETTINGS, inputs=inputs, kind="series"
+    )
+    for channels, day in ((6, "para5_long.mat"), (7, "para5_long_n.mat")):
+        content = workspace(channels=channels)
+        (path,) = recordings.logs(save(tmp_path / str(channels), content, day), "strain_recorded")
+        seen = recordings.read(path, "it", card).x[:, inputs.chosen]
+        assert seen == pytest.approx(content["voltage"][: CYCLES * CYCLE : 3, channels - 6 : channels - 1], abs=1e-6)
+    card.protocol = "within_day_xy"
+    with pytest.raises(InputError, match="within_day_xy: has no day_2"):
+        recordings.read(path, "it", card)
 
 
 def test_a_protocol_is_a_split_and_a_task():

@@ -121,7 +121,7 @@ def bars(
 ) -> None:
     """Draw bars of means and their seeds as dots; panels: title -> group along x -> bar -> seeds; name, limits: of y.
 
-    A value below the axis is drawn just above its lower edge.
+    A seed below the axis is a triangle at its lower edge, and a mean there is a bar to the edge with its number.
     """
     figure, axes = style.panels(len(panels), len(panels), 4.6 * len(panels), 3.7, 0, sharey=True)
     for ax, (panel, groups) in zip(axes[0], panels.items(), strict=True):
@@ -130,10 +130,13 @@ def bars(
         for k, (bar, colour) in enumerate(zip(kinds, (style.GREY, style.BLUE, style.VERMILION), strict=False)):
             seeds, edge = [np.asarray(of[bar], float) for of in groups.values()], 0.8 * limits[0]
             place = np.arange(len(groups)) + (k - (len(kinds) - 1) / 2) * width
-            means = [max(edge, values.mean()) for values in seeds]
-            ax.bar(place, means, width, color=colour, alpha=0.75, label=bar)
-            dots = np.repeat(place, list(map(len, seeds))), np.maximum(np.concatenate(seeds), edge)
-            ax.plot(*dots, ".", color=style.BLACK, markersize=4)
+            means = np.array([values.mean() for values in seeds])
+            ax.bar(place, np.maximum(means, edge), width, color=colour, alpha=0.75, label=bar)
+            for x, mean in zip(place[means < edge], means[means < edge], strict=True):
+                ax.text(x, edge / 2, f"\N{MINUS SIGN}{-mean:.1f}", ha="center", va="center", fontsize="small")
+            at, dots = np.repeat(place, list(map(len, seeds))), np.concatenate(seeds)
+            ax.plot(at, np.where(dots < edge, np.nan, dots), ".", color=style.BLACK, markersize=4)
+            ax.plot(at, np.where(dots < edge, edge, np.nan), "v", color=style.BLACK, markersize=4)
         ax.axhline(0, color=style.BLACK, linewidth=0.8)
         ax.set_xticks(np.arange(len(groups)), list(groups))
         ax.set(title=panel, ylim=limits)
