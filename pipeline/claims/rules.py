@@ -184,11 +184,8 @@ def place(values: Values, printed: Printed) -> Judgement:
     return replace(within(values, printed, around=published, margin=0.5), power=np.nan)
 
 
-def order(values: Values, printed: Printed, *, limit: float = RANKS, unfinished: str = "") -> Judgement:
-    """Judge an order: its rank correlation with the printed one (Spearman 1904) is above the limit.
-
-    unfinished: why whole trainings may come in another order, so that none is contradicted.
-    """
+def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgement:
+    """Judge an order: its rank correlation with the printed one (Spearman 1904) is above the limit."""
     frame = pd.DataFrame(values).dropna()
     printed_ranks = stats.rankdata([printed[name] for name in frame])
     correlation = frame.rank(axis=1).apply(lambda ranks: np.corrcoef(ranks, printed_ranks)[0, 1], axis=1)
@@ -196,9 +193,8 @@ def order(values: Values, printed: Printed, *, limit: float = RANKS, unfinished:
         verdict = REPRODUCED if correlation.iloc[0] > limit else CONTRADICTED
         return Judgement(correlation.iloc[0], np.nan, np.nan, verdict, "in every run", len(correlation))
     mean = interval(correlation)
-    verdict = REPRODUCED if mean.low > limit else CONTRADICTED if mean.high < limit and not unfinished else UNDECIDED
+    verdict = REPRODUCED if mean.low > limit else CONTRADICTED if mean.high < limit else UNDECIDED
     reason = f"rank correlation with the printed order; limit {limit:g}"
-    reason += f"; not contradicted, as {unfinished}" if unfinished and mean.high < limit else ""
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs)
 
 

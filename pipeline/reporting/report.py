@@ -85,12 +85,17 @@ class Report:
         return [condition for name, condition in self.scored() if name == protocol]
 
     def basis(self, protocol: str) -> str:
-        """Return how many runs the numbers of a protocol are of, and at which budget."""
+        """Return how many runs the numbers of a protocol are of, and at which budget, with the epochs of its set."""
         budget = self.results.shown(self.experiment, protocol)
         rows = self.results.rows(experiment=self.experiment, protocol=protocol)
         runs = rows[(rows["seed"] >= 0) & (rows["budget"] == budget)]["seed"].nunique()
         said = "1 run" if runs == 1 else f"{runs} runs"
-        return said if protocol not in self._sets else f"{said}, {BUDGETS[budget]}"
+        if protocol not in self._sets:
+            return said
+        changed = self._sets[protocol].set.items()
+        epochs = [value for key, value in changed if key.endswith(".training.epochs")] if budget != LOOK else []
+        numbers = " to ".join(map(str, sorted({min(epochs), max(epochs)}))) if epochs else ""
+        return f"{said}, {BUDGETS[budget]}" + (f" of {numbers} epochs" if numbers else "")
 
     def origins(self) -> str:
         """Return a table of what the numbers of each protocol are of; empty where they are of own logs."""

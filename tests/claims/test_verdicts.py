@@ -38,7 +38,7 @@ def of_the_paper(paper: str) -> one_table.Results:
     rows = []
     printed = published.table(paper)
     further = printed[printed["condition"] == "any"].assign(variant=one_table.PRINTED_SHAPE)
-    printed = pd.concat([printed, further, printed[printed["variant"] == ""].assign(variant="epochs_50")])
+    printed = pd.concat([printed, further])
     for claim in (claim for claim in CLAIMS if claim.paper == paper):
         for row in printed.itertuples():
             metric = claim.metric if row.metric == "macro_precision" else row.metric
