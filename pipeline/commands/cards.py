@@ -50,12 +50,24 @@ def card_of(workspace: Workspace, folder: Path) -> str:
         card=card,
         name=labels.model_name(card.model),
         measure=measure,
+        more_epochs=more_epochs(workspace, card),
         intervals=intervals.sentences(card),
         coverage=covered(card),
         range=ranges.words(card.trained_on, card.inputs.unit) if card.trained_on else "",
         errors=(["Test part", "This model", "Trained again, mean [95 %]", "Failed", "A constant"], rows),
         elsewhere=elsewhere(workspace, card),
     )
+
+
+def more_epochs(workspace: Workspace, card: cards.Card) -> str:
+    """Return the epochs of the evidence's trainings of a card's model and protocol, empty where they are the card's."""
+    index = shards.table(shards.folder(workspace) / "index.csv", shards.INDEX)
+    full = index[(index["experiment"] == card.experiment) & (index["budget"] == FULL)]["shard"]
+    times = shards.table(shards.folder(workspace) / "times.csv", shards.TIMES)
+    times = times[times["shard"].isin(full) & (times["model"] == card.model) & (times["protocol"] == card.protocol)]
+    trained = times["epochs"].unique()
+    own = str(card.settings.get("training", {}).get("epochs", ""))
+    return "" if set(trained) <= {own} else " or ".join(sorted(trained, key=int))
 
 
 def covered(card: cards.Card) -> list[list[str]]:

@@ -27,7 +27,7 @@ from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
 from pipeline.inference import timing
-from pipeline.logs import alignment, diagnosis, layout, own_data, parse, sniff
+from pipeline.logs import alignment, diagnosis, layout, own_data, parse, rest, sniff
 from pipeline.logs.formats import LOGS
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
@@ -396,7 +396,23 @@ def touch_findings(frames: pa.Table, windows: pa.Table, settings: Mapping) -> tu
     else:
         more, wrong = order_of_elements(frames, force, x, y, settings)
         said, problems = said + more, problems + wrong
-    return said, problems
+    return said + moved_rest(frames, contact), problems
+
+
+def moved_rest(frames: pa.Table, contact: np.ndarray) -> list[str]:
+    """Return findings: recordings in which the array's rest takes a step; contact: (n,) whether a tip touches it."""
+    condition, recording = (np.asarray(schemas.names(frames[name]), str) for name in ("condition", "recording"))
+    names = np.char.add(np.char.add(condition, "/"), recording)
+    readings, time, said = schemas.matrix(frames["v"]), frames["t_s"].to_numpy(), []
+    for name in dict.fromkeys(names.tolist()):
+        resting = np.flatnonzero((names == name) & ~contact)
+        if found := rest.step(readings[resting], readings[names == name]):
+            said.append(
+                f"{name}: from {time[resting[found.first]]:.1f} s of load_cell.log on, elements at rest read "
+                f"{found.after:.4g} on average, before {found.before:.4g}: the sensor was re-zeroed, or its gain "
+                "changed; make two recordings of it"
+            )
+    return said
 
 
 def order_of_elements(

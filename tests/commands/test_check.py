@@ -294,6 +294,22 @@ def test_a_recording_that_is_there_twice_is_no_second_one(workspace, touch_logs,
     assert "single/day2 has 20 lines a second, single/day1_0 40: windows" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("gain", "zero"), [(1.0, 40), (0.5, 0)])
+def test_a_sensor_that_is_zeroed_or_scaled_on_the_way_is_named(workspace, touch_logs, tmp_path, capsys, gain, zero):
+    def half_way(lines):
+        rows = [line.split(",") for line in lines]
+        for row in rows[len(rows) // 2 :]:
+            row[1:] = [str(max(0, round(gain * int(count)) - zero)) if count.isdigit() else count for count in row[1:]]
+        return [",".join(row) for row in rows]
+
+    check.check(workspace, "touch", touch_logs, values_of(touch_logs, "touch"))
+    assert "at rest read" not in capsys.readouterr().out
+    logs = edited(touch_logs, tmp_path / "logs", array=half_way)
+    check.check(workspace, "touch", logs, values_of(logs, "touch"))
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if "at rest read" in line]
+    assert "single/day1_0: from 21.6 s of load_cell.log on" in line and line.endswith("make two recordings of it")
+
+
 def test_a_recording_in_which_nothing_changes_is_named():
     def recording(name, values):
         log = own_logs.Log(pa.table({"p0": values, "p1": values}), None, {})
