@@ -13,6 +13,7 @@ from builders.prose import faults
 from pipeline.base import params
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
+from pipeline.claims.rules import CONTRADICTED, OFF
 from pipeline.commands import coverage
 from pipeline.reporting import claims as claims_report
 from pipeline.reporting import experiment as experiment_report
@@ -57,6 +58,12 @@ def test_claims_follow_from_the_results(judged):
         assert same(row[NUMBERS], committed.loc[claim, NUMBERS]), claim
     text = claims_report.text(REPOSITORY, judged, {claim.id: claim.tried for claim in CLAIMS})
     assert text == (REPORTS / "claims.md").read_text(encoding="utf-8")
+
+
+def test_the_reason_for_every_contradiction_was_looked_for():
+    committed, tried = read(REPORTS / "claims.csv"), {claim.id: claim.tried for claim in CLAIMS}
+    unlike_the_paper = committed[committed["verdict"].isin([CONTRADICTED, OFF])]["id"]
+    assert len(unlike_the_paper) > 20 and [claim for claim in unlike_the_paper if not tried[claim]] == []
 
 
 @pytest.mark.parametrize("experiment", VALUES["experiments"])
