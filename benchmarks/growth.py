@@ -58,7 +58,7 @@ LOOKS = {  # what is drawn, how, and what it is called
 
 
 class Point(NamedTuple):
-    """One measurement: `mb` is the largest memory less that of the imports."""
+    """One measurement: `mb` is the largest memory, of all processes, less that of the imports."""
 
     task: str
     against: str  # DATA or ELEMENTS
