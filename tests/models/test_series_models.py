@@ -11,7 +11,6 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import series
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted, ridge_weights, spec_of
-from pipeline.studies import latent
 from pipeline.studies.latent import decoded
 
 RECIPE = {"learning_rate": 5e-3, "epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}
@@ -209,21 +208,11 @@ def test_decoder_is_tested_on_blocks_that_it_has_not_seen(inputs):
     """A decoder with as many inputs as samples in a block, or more, knows noise by heart where it is fitted."""
     rng, samples = np.random.default_rng(0), 400
     given, noise, time = rng.normal(size=(samples, inputs)), rng.normal(size=(samples, 1)), np.arange(samples) / 5
-    assert decoded(given, noise, time) < 0.03
+    assert decoded(given, noise, time) < 0
     drift = np.cumsum(rng.normal(size=(samples, 1)), axis=0)
-    assert decoded(given, rng.permutation(drift), time) < 0.03
+    assert decoded(given, rng.permutation(drift), time) < 0
     everywhere = given @ np.linalg.lstsq(given, noise, rcond=None)[0]  # fitted on the blocks that it is tested on
     assert 1 - np.square(everywhere - noise).sum() / np.square(noise).sum() > 0.04
-
-
-def test_decoder_chooses_the_weight_of_its_ridge(monkeypatch):
-    """Inputs that wander as slowly as what is read lead a regression of one small weight astray between blocks."""
-    time, rngs = np.arange(3000) / 5, [np.random.default_rng(seed) for seed in range(6)]
-    walks = [np.cumsum(rng.normal(size=(len(time), 21)), axis=0) + rng.normal(size=(len(time), 21)) for rng in rngs]
-    chosen = [decoded(walk[:, :20], walk[:, 20:], time) for walk in walks]
-    monkeypatch.setattr(latent, "DECODER_RIDGES", np.array([1e-4]))
-    fixed = [decoded(walk[:, :20], walk[:, 20:], time) for walk in walks]
-    assert np.mean(chosen) > np.mean(fixed) + 0.1 and min(chosen) > min(fixed)
 
 
 def test_decoder_knows_nothing_of_the_fifth_of_the_blocks_that_it_is_tested_on():
