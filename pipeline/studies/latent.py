@@ -27,6 +27,7 @@ FOLDS = 5
 LATENT_SAMPLES = 500  # 100 s
 TRANSFER = "lstm_transfer"
 DECODER_RIDGE = 1e-4  # of standardised inputs, against the mean squared error of the standardised target
+WARM_UP_S = 60.0  # an LSTM starts with states of 0, up to 45 standard deviations from later ones, which takes 10 s
 
 
 def train_with(
@@ -141,7 +142,7 @@ def _decode(workspace: Workspace, values: Mapping, protocol: str, seed: int) -> 
     spec = tasks_series.spec("strain", settings, protocol)
     (piece,) = series.read(workspace.dataset("strain"), task, protocol, seed)
     frames = settings["window"]["frames"]
-    x, rows = piece.record.x, np.arange(frames - 1, len(piece.record.x))
+    x, rows = piece.record.x, settled(piece.time_s, frames)
     at = piece.time_s[rows]
     window = np.stack([x[rows - lag] for lag in range(frames)], axis=1).reshape(len(rows), -1)
     inputs = {f"raw voltages, {frames} samples": window}
@@ -161,6 +162,13 @@ def _decode(workspace: Workspace, values: Mapping, protocol: str, seed: int) -> 
         for name, given in inputs.items()
         for target, truth in targets.items()
     ]
+
+
+def settled(time_s: np.ndarray, frames: int) -> np.ndarray:
+    """Return the rows that are decoded: past the warm-up, at most a tenth of a recording, with a whole window."""
+    since_s = time_s - time_s[0]
+    rows = np.flatnonzero(since_s >= min(WARM_UP_S, 0.1 * since_s[-1]))
+    return rows[rows >= frames - 1]
 
 
 def decoded(given: np.ndarray, truth: np.ndarray, time_s: np.ndarray) -> float:

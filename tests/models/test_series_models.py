@@ -11,7 +11,7 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import series
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import adapted, ridge_weights, spec_of
-from pipeline.studies.latent import decoded
+from pipeline.studies.latent import decoded, settled
 
 RECIPE = {"learning_rate": 5e-3, "epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}
 BLOCKS = {
@@ -221,6 +221,14 @@ def test_decoder_knows_nothing_of_the_fifth_of_the_blocks_that_it_is_tested_on()
     assert decoded(np.eye(5)[fifth], fifth[:, None].astype(float), time) < 0
     sixth = (time // 120).astype(int) % 6  # of which every fifth has seen some
     assert decoded(np.eye(6)[sixth], sixth[:, None].astype(float), time) > 0.9
+
+
+def test_drift_is_read_when_the_states_have_forgotten_their_start():
+    """An LSTM begins with states of 0; where these were decoded, too, R2 was -3.0 in place of 0.97."""
+    time = 7.0 + np.arange(30_000) / 5
+    assert settled(time, 10).tolist() == [*range(300, 30_000)]
+    assert settled(time[:200], 10).tolist() == [*range(20, 200)], "a tenth of a short recording"
+    assert settled(time[:50], 10).tolist() == [*range(9, 50)], "at least a window"
 
 
 def test_ridge_weights_are_the_minimum():
