@@ -55,6 +55,8 @@ def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
     sets = {}
     for name, block in blocks.items():
         other = blocks.get(block.get("like"), {})
+        if "study" in block:  # it trains no models, or those that it names
+            other = {key: value for key, value in other.items() if key != "models"}
         whole = {**other, **block, "set": {**other.get("set", {}), **block.get("set", {})}}
         sets[name] = params.check_block(whole, ShardSet, name, {name: "evidence/shards.yaml"})
     return sets

@@ -30,6 +30,7 @@ class ShardSet(Block):
     own_data: bool = Field(default=False, description="Whether the study makes its own data, not the set's")
     like: str = Field(
         default="",
-        description="Set whose data it shares, and whose keys, and entries of `set`, it has where it names no own",
+        description="Set whose data it shares, and whose keys, and entries of `set`, it has where it names no own; "
+        "a study has no models of it",
     )
     set: dict[str, Any] = Field(default_factory=dict, description="Dotted settings that differ from those in params/")

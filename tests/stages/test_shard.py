@@ -51,6 +51,12 @@ def test_sets_that_share_data_ask_for_the_same():
             )
 
 
+def test_a_study_trains_only_the_models_that_it_names():
+    """Those of the set whose data it shares are no models of the study."""
+    assert SETS["glove_session"].models and SETS["augmentation_glove"].models == []
+    assert SETS["strain"].models == [] and SETS["latent_strain"].models == ["lstm_direct"]
+
+
 def test_a_budget_is_a_share_of_the_epochs():
     block = {"units": 50, "training": {"learning_rate": 0.1, "epochs": 15, "drop_epoch": 8}}
     assert params.at_budget(block, shard.SHARES["full"]) == block
