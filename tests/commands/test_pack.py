@@ -185,14 +185,14 @@ def test_packages_come_in_the_versions_of_constraints_and_for_the_other_machine(
 @pytest.mark.slow
 def test_a_run_that_is_killed_at_its_deadline_leaves_whole_shards_and_the_next_goes_on(stubs, tmp_path):
     fate = {"strain-0-full": "fails", "strain-1-half": "stays", "glove_session": "fails"}
-    names = ("strain@0-half", "strain@0-full", "strain@1-half", "glove_session@0-half", "physics_strain@0-full")
+    names = ("strain@0-half", "strain@0-full", "strain@1-half", "glove_session@0-full", "physics_strain@0-full")
     folder, out = stubs(*names, **fate), tmp_path / "out"
     done = run(folder, out, "--minutes", "0.08", "--workers", "3", "--card", "no")
     assert done.returncode == 1, done.stderr
     assert jobs(out) == {
         "data_strain": "done", "data_glove_session": "failed (1)", "strain-0-half": "done",
         "strain-0-full": "failed (1)", "strain-1-half": "killed: the minutes are over",
-        "glove_session-0-half": "not begun: data_glove_session failed (1)", "physics_strain-0-full": "done",
+        "glove_session-0-full": "not begun: data_glove_session failed (1)", "physics_strain-0-full": "done",
     }  # fmt: skip
     assert "strain-0-full: failed (1)\n  error: no luck" in done.stdout and "strain-0-half" in done.stdout
     with open(out / "index.csv") as index:
@@ -210,7 +210,7 @@ def test_a_run_that_is_killed_at_its_deadline_leaves_whole_shards_and_the_next_g
     first = len(calls(folder))
     assert run(folder, out, "--minutes", "1", "--card", "no").returncode == 0
     again = {call["name"] for call in calls(folder)[first:]}
-    left = {"strain-0-full", "strain-1-half", "glove_session-0-half"}
+    left = {"strain-0-full", "strain-1-half", "glove_session-0-full"}
     assert again == {"strain", "glove_session", *left}
     assert jobs(out)["strain-0-half"] == "there already" and jobs(out)["strain-1-half"] == "done"
     told = json.loads((folder / "pack.json").read_text()) | {"commit": "another"}
@@ -403,17 +403,17 @@ def test_what_is_taken_is_as_indexed_and_of_this_checkout(project, take, tmp_pat
     out, evidence = tmp_path / "out", project.folder / "evidence"
     head = git(project, "rev-parse", "HEAD")
     write_shard(out, "latent_strain-1-full", "strain", LATENT, commit=head, data_sha256="b")
-    result = "results/glove_session-0-half.csv"
-    write_shard(out, "glove_session-0-half", "glove", [result], commit=head, data_sha256="c")
+    result = "results/glove_session-0-full.csv"
+    write_shard(out, "glove_session-0-full", "glove", [result], commit=head, data_sha256="c")
     files.write_text(out / "results" / "glove_session-1-half.csv", "killed before it was indexed")
     line = {"shard": "augmentation_glove-0-full", "data_sha256": "a"}
     shards.upsert(evidence / "index.csv", shards.INDEX, line["shard"], [line])
     said = take(out)
     assert "2 shards taken; 0 were there" in said
-    assert "glove_session-0-half: its data differ from those of augmentation_glove-0-full" in said
+    assert "glove_session-0-full: its data differ from those of augmentation_glove-0-full" in said
     assert all((evidence / path).read_text() == (out / path).read_text() for path in LATENT)
     assert not (evidence / "results" / "glove_session-1-half.csv").exists()
-    assert not {"latent_strain@1-full", "glove_session@0-half"} & set(
+    assert not {"latent_strain@1-full", "glove_session@0-full"} & set(
         json.loads(project.dvc("status", "--json", "evidence/dvc.yaml").stdout)
     )
     before = {path: path.stat().st_mtime_ns for path in evidence.rglob("*") if path.is_file()}
