@@ -1,7 +1,8 @@
 """Number the specimens of a scene: which array or glove, of several of the same make, a recording is of.
 
-Simulated recordings say it in their names, `specimen2-run000`. Recorded ones do not: all are of specimen 0. Seed s of a
-protocol trains and tests on specimen s, or on the specimens in turn where there are fewer.
+Simulated recordings say it in their names, `specimen2-run000`; nothing is trained on those named `specimen2-test00`.
+Recorded ones do not: all are of specimen 0. Seed s of a protocol trains and tests on specimen s, or on the specimens in
+turn where there are fewer.
 """
 
 import re
@@ -10,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 NAMED = re.compile(r"specimen(\d+)-.")
+ONLY_TESTED = re.compile(r"specimen\d+-test\d+")
 
 
 def named(specimen: int, name: str) -> str:
@@ -28,6 +30,12 @@ def of_seed(names: np.ndarray, seed: int) -> np.ndarray:
     known, place = np.unique(names, return_inverse=True)
     numbers = np.array([number(name) for name in known], dtype=int)
     return numbers[place] == seed % (numbers.max(initial=0) + 1)
+
+
+def only_tested(names: np.ndarray) -> np.ndarray:
+    """Return which rows are of simulated recordings that are for tests alone, (n,) bool; names: (n,) of recordings."""
+    known, place = np.unique(names, return_inverse=True)
+    return np.array([ONLY_TESTED.fullmatch(name) is not None for name in known], dtype=bool)[place]
 
 
 def drawn(scene: Mapping, specimen: int) -> dict:

@@ -190,18 +190,20 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
     """Return the part of each image, (n,); the same for all datasets of one seed. frames: the chosen frames.
 
     `session`: whole sessions of every object, drawn by the seed; `random_frames`: frames, as the paper seems to
-    have done. Images of other gloves than the seed's are unused. Raises InputError for another name or an object with
-    fewer sessions than parts.
+    have done. The simulated `test_sessions` are in the test of `session`. Images of other gloves than the seed's are
+    unused. Raises InputError for another name or an object with fewer sessions than parts.
     Differs from paper: it means 10 runs of a model, which differ in an unknown way; here a run is a seed, of the glove,
     the split and the start. The evidence has one for each seed.
     """
     name = tactile.checked_split("glove", protocol, SPLITS, settings)
     share = settings["split"]
     objects, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
-    here = specimens.of_seed(sessions, seed)
+    here, further = specimens.of_seed(sessions, seed), specimens.only_tested(sessions)
     part = np.full(frames.num_rows, "unused", dtype=object)
+    if name == "session":
+        part[here & further] = "test"
     for grasped in np.unique(objects):
-        inside = here & (objects == grasped)
+        inside = here & ~further & (objects == grasped)
         known = np.unique(sessions[inside])
         if len(known) < len(tactile.PARTS):
             raise InputError(

@@ -32,9 +32,9 @@ class ImageClassifier(TorchRegressor):
     Saving, loading and counting are TorchRegressor's. The settings flip, affine and noise are the augmentation methods
     A, C and B (SP-ResNet paper, section 2.2).
     Differs from paper: its initial learning rate, printed as 10^7, is read as 10^-3, Adam's usual one.
-    Differs from paper: it trains for 50 epochs; so does the evidence by session, that by random frames, on ten times
-    the images, for 4, and `dvc repro` for fewer than the settings say. The rate rises over a tenth of the epochs and
-    falls to zero, and the epoch with the lowest validation loss is kept.
+    Differs from paper: it trains for 50 epochs. So does the evidence by session; the evidence by random frames has 4,
+    on ten times the images, and `dvc repro` a part of the epochs in the settings. The rate rises over a tenth of the
+    epochs and falls to zero, and the epoch with the lowest validation loss is kept.
     Differs from paper: translation, rotation and scaling have no printed ranges there; here they reach 2 pixels, 10
     degrees and 10 %. Images are altered anew in every epoch; the paper also says that methods A and C add 30 % more
     images, which the stated probabilities do not.

@@ -7,8 +7,9 @@ import numpy as np
 from pipeline.logs.parse import finest_step
 
 LEAST = 20  # readings at rest
-SETTLED = 0.2  # of the step, the widest interquartile range on its sides; creep and drift have 0.27 and more, re-zeroed
-# recordings of simulated arrays and of a Velostat taxel 0.01 to 0.1 and 0.05 to 0.35
+# Of the step, the widest interquartile range on its sides. Re-zeroed recordings have 0.01 to 0.1 (simulated arrays) and
+# 0.05 to 0.35 (a Velostat taxel); creep and drift have 0.27 and more.
+SETTLED = 0.2
 LARGE = 0.005  # of the largest response, the least step
 
 

@@ -113,7 +113,7 @@ def rightsize(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFra
             parts.append({"experiment": experiment, "missing": True})
             continue
         judged = sizes_verdicts.judge(runs)
-        known = sizes_verdicts.references(evidence, judged)
+        known = sizes_verdicts.references(evidence, runs)
         sizes_figures.curves(folder / f"{experiment}.png", experiment_name(experiment), judged, known)
         for family, rows in judged.groupby("family", sort=False):
             part = {"experiment": experiment, "title": sizes_title(family), "table": tables.rightsize(rows)}

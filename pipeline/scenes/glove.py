@@ -200,9 +200,10 @@ def plan(settings: Mapping) -> tuple[list[Recording], Callable[[Recording], dict
         )
     scene = scene_of(settings)
     sessions = [
-        specimens.named(specimen, f"session{number:02d}")
+        specimens.named(specimen, f"{name}{number:02d}")
         for specimen in range(scene["specimens"])
-        for number in range(scene["sessions"])
+        for name, count in (("session", scene["sessions"]), ("test", scene["test_sessions"]))
+        for number in range(count)
     ]
     recordings = [Recording(name, session) for name in OBJECTS for session in sessions]
     return recordings, functools.partial(logs_of, settings=scene)

@@ -107,7 +107,12 @@ class Simulate(Block):
     specimen: SceneNumber = Field(description="Number of the first glove: the gains of its cells")
     specimens: Specimens = Field(description="Gloves; seed s has glove s")
     sessions: Count = Field(description="Sessions with each object, one grasp each")
-    frames_per_object: Count = Field(description="Frames of an object over all of its sessions")
+    test_sessions: int = Field(
+        ge=0,
+        le=1000,
+        description="Further sessions with each object, which a split by session tests on and never trains on",
+    )
+    frames_per_object: Count = Field(description="Frames of an object over all of its sessions but the further ones")
     frame_hz: RateHz = Field(description="Frames of the scanner per second (Hz)")
     session: Session = Field(description="How grasps of one object differ")
     film: Film = Field(description="The Velostat film of the cells")

@@ -4,7 +4,7 @@ Writes tables of one seed: samples.csv (error against the number of training sam
 size of the LSTM), strands.csv (against the number of strands that all models see), bases.csv (of transfer from a
 model-0 that was trained on another task), drift.csv (how well elapsed time and the strands' true drift can be read from
 the raw voltages and from the latent space) and latents.csv (states of model-0 on task 2, for figure 7). Errors are
-those of the test part; drift.csv is from held-out blocks of the whole recording.
+those of the test part; drift.csv is from held-out blocks of all but the first minute.
 Usage: python -m pipeline.studies.latent strain SEED
 """
 

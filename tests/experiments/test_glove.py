@@ -7,7 +7,7 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.datasets import images, schemas
+from pipeline.datasets import images, schemas, specimens
 from pipeline.experiments import glove
 
 CELLS = glove.PRESSURE_CELLS + glove.STRAIN_CELLS
@@ -93,6 +93,22 @@ def test_a_session_is_on_one_side_and_all_parts_have_every_object(settings):
     assert (other != glove.split(frames, settings, "session_combined", 0)).any()
     mixed = glove.split(frames, settings, "random_frames_combined", 0)
     assert any(len(set(mixed[units == one])) > 1 for one in np.unique(units))
+
+
+def test_further_sessions_are_tested_on_and_change_no_training(settings):
+    whole = table(3, 9, 5)
+    names = schemas.names(whole["recording"])
+    named = {
+        one: f"specimen0-{'session' if place < 6 else 'test'}{place:02d}" for place, one in enumerate(np.unique(names))
+    }
+    names = np.array([named[one] for one in names])
+    whole = whole.set_column(whole.schema.get_field_index("recording"), "recording", pa.array(names))
+    further = specimens.only_tested(names)
+    assert further.sum() == 3 * 3 * 5
+    for protocol, place in (("session_combined", "test"), ("random_frames_combined", "unused")):
+        part = glove.split(whole, settings, protocol, 0)
+        assert set(part[further]) == {place}
+        assert (part[~further] == glove.split(whole.filter(pa.array(~further)), settings, protocol, 0)).all()
 
 
 @pytest.mark.parametrize("sessions", [1, 2])

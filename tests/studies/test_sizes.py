@@ -12,6 +12,8 @@ from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.reporting.verdicts.sizes import Reference
 from pipeline.scoring import ladders, shards
+from pipeline.scoring.claim_inputs import FULL, KEY
+from pipeline.scoring.one_table import Results
 from pipeline.studies import sizes
 
 NAN = float("nan")
@@ -55,6 +57,18 @@ def test_judged_rows_have_means_intervals_and_one_choice():
     half = 4.302652729911275 * logs.std(ddof=1) / np.sqrt(3)  # t of 2 degrees of freedom
     assert judged.iloc[2][["value", "low", "high"]].tolist() == pytest.approx([5, *np.exp(logs.mean() + [-half, half])])
     assert list(judged["params"]) == [800, 3200, 12800]
+
+
+def test_a_ladder_is_compared_with_the_trained_model_on_its_own_seeds():
+    ladder = runs("lstm", "error", "mm", {5: [3, 4], 50: [1, 2]}, condition="task_1")
+    kept = pd.DataFrame(
+        [("strain", "task_1", "task_1", model, "", "error", "mm", seed, FULL, value)
+         for model, values in {"lstm_direct": [1, 2, 9], "constant": [5, 6, 90]}.items()
+         for seed, value in enumerate(values)],
+        columns=[*KEY, "unit", "seed", "budget", "value"],
+    )  # fmt: skip
+    found = sizes_verdicts.references(Results(kept), ladder)
+    assert found == {("lstm", "task_1"): Reference(constant=pytest.approx(5.5), trained=pytest.approx(1.5))}
 
 
 def test_of_a_fraction_more_is_better():

@@ -33,7 +33,8 @@ def chart(path: Path, table: pd.DataFrame, time: str) -> None:
         rows = table[table["panel"] == panel]
         first = rows.iloc[0]
         draw(ax, rows, time)
-        title = f"{panel}, seeds: {first['runs'] + first['failed']}"
+        seeds = rows["runs"] + rows["failed"]
+        title = f"{panel}, seeds: {' to '.join(map(str, sorted({seeds.min(), seeds.max()})))}"
         if time == "train_s":
             title += f", budget: {', '.join(dict.fromkeys(rows['budget']))}"
         ax.set(title=title, xlabel=f"{TIMES[time]}, log scale")

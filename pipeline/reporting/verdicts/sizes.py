@@ -119,22 +119,24 @@ def judge(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 class Reference(NamedTuple):
-    """Errors to compare a ladder with, NaN if unknown: the constant model's and the fully trained model's."""
+    """Errors to compare a ladder with, over its seeds: the constant model's and the fully trained model's; or NaN."""
 
     constant: float
     trained: float
 
 
-def references(table: Results, judged: pd.DataFrame) -> dict[tuple[str, str], Reference]:
-    """Return (family, condition) -> its references; table: the one table of results.
+def references(table: Results, runs: pd.DataFrame) -> dict[tuple[str, str], Reference]:
+    """Return (family, condition) -> its references over the seeds of the ladder, which are the same specimens.
 
-    A ladder of fully trained models needs the constant model alone.
+    table: the one table of results; runs: ladders.COLUMNS. A ladder of fully trained models needs the constant model
+    alone.
     """
     by_ladder = {}
-    for (*ladder, metric), _ in judged.groupby([*LADDER, "metric"], sort=False):
+    for (*ladder, metric), own in runs.groupby([*LADDER, "metric"], sort=False):
         experiment, condition, family = ladder
         place = experiment, ladders.protocol(experiment, condition), condition
         compared = ("constant", ladders.FAMILIES[family].model if family in SHORTER else "")
-        means = (table.estimate(*place, model, metric).mean for model in compared)
+        values = (table.runs(*place, model, metric) for model in compared)
+        means = (estimate(one[one.index.isin(own["seed"])], scale_of(metric)).mean for one in values)
         by_ladder[family, condition] = Reference(*(error_of(mean, metric) for mean in means))
     return by_ladder
