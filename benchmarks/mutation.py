@@ -30,7 +30,6 @@ PAIRING, ONE_LOG, SPECIMENS = (f"general/test_{name}.py" for name in ("pairing",
 # file of pipeline/ -> functions and constants whose faults are wrong numbers in silence, and tests that should see them
 CHOSEN = {
     **{f"tasks/{kind}.py": ("fit", SELECTION) for kind in ("windows", "images", "series")},
-    "studies/augmentation.py": ("train_run", SELECTION),
     "studies/sizes.py": ("touch_run glove_run", SELECTION),
     "studies/stag.py": ("parts train_run", f"{SELECTION} logs/test_stag.py"),
     "studies/joined_frames.py": ("scores", "studies/test_input_frames.py"),

@@ -159,9 +159,8 @@ def glove(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
 
 
 def glove_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
-    """Yield the scores of the glove's studies: augmentation, input frames, and the STAG data set."""
+    """Yield the scores of input frames, of the glove's study and of the STAG data set."""
     compared = [model for model in glove_results.COMPARED if model in settings["models"]]
-    yield from augmentation(workspace, settings)
     for dataset in ("combined", "pressure"):
         frames = glove_results.read_frames(workspace, dataset, compared)
         place = {"protocol": f"{settings['input_frames']['split']}_{dataset}", "condition": dataset}
@@ -196,16 +195,6 @@ def confusions(workspace: Workspace, settings: Mapping, table: pa.Table, protoco
                 "seed": seed,
                 "value": share[first, second].mean(),
             }
-
-
-def augmentation(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
-    """Yield the scores of one network with each augmentation method alone, with none and with all."""
-    columns = ["method", "protocol", "condition", "seed", "metric", "unit", "value"]
-    for row in studies.read(workspace, "glove", "augmentation", columns).itertuples():
-        place = {"protocol": row.protocol, "condition": row.condition, "model": settings["augmentation"]["model"]}
-        yield place | {"variant": f"augmentation_{row.method}", "metric": row.metric, "unit": row.unit} | {
-            "seed": row.seed, "value": row.value,
-        }  # fmt: skip
 
 
 def by_frames(table: pd.DataFrame) -> Iterator[Row]:

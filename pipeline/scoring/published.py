@@ -31,7 +31,7 @@ PRINTED = {  # paper -> models as it prints them; a model that is not listed has
         "sp_resnet": "SP-ResNet",
     },
 }
-METHODS = {  # of augmentation, as augmentation.csv and SP-ResNet's Table 2 call them
+METHODS = {  # of augmentation, as evidence/shards.yaml and SP-ResNet's Table 2 call them; `all` is the model of Table 1
     "none": "no augmentation",
     "A": "only A (flip)",
     "B": "only B (noise)",

@@ -127,13 +127,6 @@ class Thinning(Block):
     stride: Count = Field(description="Every so many-th frame of a session becomes an image")
 
 
-class Augmentation(Block):
-    """Table 2: a model's settings with single augmentation methods on."""
-
-    model: Text = Field(description="Model that is trained")
-    split: Text = Field(description="How data are divided, `session` or `random_frames`")
-
-
 class InputFrames(Block):
     """Figure 15: networks that see several frames of a session at once."""
 
@@ -163,7 +156,6 @@ class Glove(Block):
     protocols: dict[Text, Protocol] = Field(description="<split>_<dataset of images>, and their seeds")
     budget: Budget
     models: Models = Field(description="The models to train, by their keys")
-    augmentation: Augmentation = Field(description="Table 2: a model with single augmentation methods on")
     input_frames: InputFrames = Field(description="Figure 15: networks that see several frames at once")
     stag: Stag = Field(description="The public data set of the STAG glove")
     latency: Latency = Field(description="How the time of a prediction is measured")

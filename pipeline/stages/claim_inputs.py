@@ -9,7 +9,7 @@ from pipeline.base import arguments, files, params
 from pipeline.base.paths import Workspace
 from pipeline.scoring import claim_inputs
 
-STUDIES = {"touch": ["ablation"], "glove": ["augmentation", "input_frames"]}  # that rows are derived from
+STUDIES = {"touch": ["ablation"], "glove": ["input_frames"]}  # that rows are derived from
 
 
 def main(workspace: Workspace) -> None:

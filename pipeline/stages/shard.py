@@ -32,7 +32,7 @@ from pipeline.settings.shards import ShardSet
 
 CURVE_POINTS = 20
 SHARES = {HALF: 0.5, FULL: 1.0}  # of the epochs of a recipe, by budget
-UNMADE = ("budget", "models", "ablation", "augmentation", "input_frames", "latency", "study", "yardstick")
+UNMADE = ("budget", "models", "ablation", "input_frames", "latency", "study", "yardstick")
 UNMADE += ("yardstick_task_2",)  # settings that no data are made from
 LINKED = ("dataset.parquet", "frames.parquet", "ingest.json", "logs")  # of a set's data, in the folder of a shard
 ROOMS = ("datasets", "experiments", "logs", "scenes", "tasks")  # code that makes data

@@ -406,11 +406,11 @@ def test_what_is_taken_is_as_indexed_and_of_this_checkout(project, take, tmp_pat
     result = "results/glove_session-0-full.csv"
     write_shard(out, "glove_session-0-full", "glove", [result], commit=head, data_sha256="c")
     files.write_text(out / "results" / "glove_session-1-half.csv", "killed before it was indexed")
-    line = {"shard": "augmentation_glove-0-full", "data_sha256": "a"}
+    line = {"shard": "input_frames_glove-0-full", "data_sha256": "a"}
     shards.upsert(evidence / "index.csv", shards.INDEX, line["shard"], [line])
     said = take(out)
     assert "2 shards taken; 0 were there" in said
-    assert "glove_session-0-full: its data differ from those of augmentation_glove-0-full" in said
+    assert "glove_session-0-full: its data differ from those of input_frames_glove-0-full" in said
     assert all((evidence / path).read_text() == (out / path).read_text() for path in LATENT)
     assert not (evidence / "results" / "glove_session-1-half.csv").exists()
     assert not {"latent_strain@1-full", "glove_session@0-full"} & set(

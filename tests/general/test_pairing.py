@@ -96,21 +96,13 @@ def test_ratios_and_findings_of_a_report(workspace):
     assert found.side("press", "single", *LEVELS) == 1 and found.side("press", "single", *reversed(LEVELS)) == -1
 
 
-def test_gains_by_augmentation(workspace):
-    """Of fractions, in the table of the study; its `none` is what the method is compared with."""
-    named = rows({"linear": "A", "poly": "none"}, 0.01)
-    table = pd.DataFrame(named, columns=["method", "seed", "value"])
-    table = table.assign(protocol="session_strain", condition="strain", metric="macro_precision", unit="1")
-    study(
-        workspace,
-        "glove",
-        "augmentation",
-        table,
-        ["method", "protocol", "condition", "seed", "metric", "unit", "value"],
-    )
-    derived = pd.DataFrame(claim_inputs.augmentation(workspace, {"augmentation": {"model": "sp_resnet"}}))
-    derived = derived.assign(experiment="glove", n=1, budget=one_table.FULL)[claim_inputs.COLUMNS]
-    found = glove.augmentation_table(SimpleNamespace(results=one_table.Results(derived)), "sp_resnet", "session")
+def test_gains_by_augmentation():
+    """Of fractions; the model without any method is what each method is compared with."""
+    named = rows({"linear": "augmentation_A", "poly": "augmentation_none"}, 0.01)
+    table = pd.DataFrame(named, columns=["variant", "seed", "value"])
+    table = table.assign(experiment="glove", protocol="session_strain", condition="strain", model="sp_resnet")
+    table = table.assign(metric="macro_precision", unit="1", n=1, budget=one_table.FULL)[claim_inputs.COLUMNS]
+    found = glove.augmentation_table(SimpleNamespace(results=one_table.Results(table)))
     (row,) = found[
         (found["method"] == "A") & (found["condition"] == "strain") & (found["metric"] == "macro_precision")
     ].itertuples()

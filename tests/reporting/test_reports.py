@@ -232,7 +232,7 @@ def test_numbers_of_glove(shown):
     assert table.loc[("session_strain", "sp_resnet", "macro_precision"), "published"] == pytest.approx(0.8839)
     assert set(table[["runs", "failed"]].itertuples(index=False, name=None)) == {(2, 0), (1, 0)}
     table = pd.read_csv(target / "accuracy" / "table2.csv").set_index(["method", "condition", "metric"])
-    assert table.loc[("all", "strain", "macro_precision"), "mean"] == pytest.approx(0.925)
+    assert table.loc[("all", "strain", "macro_precision"), "mean"] == pytest.approx(0.825)  # that of Table 1
     assert table.loc[("A", "pressure", "macro_precision"), "gain"] == pytest.approx(0.105)  # of 0.1 and 0.11
     assert table.loc[("A", "pressure", "macro_precision"), "gain_low"] == pytest.approx(0.105 - HALF * 0.01)
     assert table.loc[("A", "pressure", "macro_precision"), "published_gain"] == pytest.approx(0.0011)
@@ -325,8 +325,6 @@ def test_models_and_conditions_can_be_left_out(workspace, unplotted, monkeypatch
     settings["models"] = {"constant": {}, "poly_array": {}} if experiment == "touch" else {"constant": {}, "tree": {}}
     monkeypatch.setattr(made_reports, "TOUCHES", {"single": 1})
     monkeypatch.setattr(made_reports, "OBJECTS", ["cup", "pen", "a_and_b"])
-    if experiment == "glove":
-        settings["augmentation"]["model"] = "tree"
     made_reports.write(workspace, experiment, settings)
     target = made_reports.rendered(workspace, experiment, settings, monkeypatch) / "accuracy"
     text = (target / "README.md").read_text()

@@ -20,8 +20,8 @@ from pipeline.scoring import metrics
 from pipeline.settings.training import AugmentedTraining, WindowTraining
 from pipeline.stability import changed_scene
 from pipeline.stages import train as train_stage
-from pipeline.studies import augmentation, sizes
 from pipeline.studies import physics as physics_study
+from pipeline.studies import sizes
 from pipeline.studies import stag as stag_stage
 
 EPOCHS, FRAMES, ELEMENTS, OUTPUTS = 5, 2, 3, 4
@@ -145,11 +145,6 @@ def of_train_images(workspace, values, wrong, folder):
     train_stage.train_run(workspace, values, "glove", "sp_resnet", "session_pressure", 0, folder / "run", nothing)
 
 
-def of_augment(workspace, values, wrong, folder):
-    images_dataset(workspace.dataset("glove"), wrong)
-    augmentation.train_run(workspace, values, "glove", "none", "session_pressure", 0, nothing)
-
-
 def of_rightsize_touch(workspace, values, wrong, folder):
     windows_dataset(workspace.dataset("touch"), wrong)
     sizes.touch_run(workspace, values, "window", 1, 0, nothing)
@@ -183,7 +178,7 @@ def of_train_stag(workspace, values, wrong, folder):
         stag_stage.train_run(workspace, values, "glove", "sp_resnet", 0, 1, "metadata.mat", nothing)
 
 
-STAGES = (of_train, of_train_images, of_augment, of_rightsize_touch, of_rightsize_glove)
+STAGES = (of_train, of_train_images, of_rightsize_touch, of_rightsize_glove)
 STAGES += (of_physics_touch, of_physics_glove, of_train_stag)
 
 
@@ -195,23 +190,14 @@ def test_the_best_epoch_is_that_of_the_validation_part(workspace, stage, wrong, 
     assert best_epochs == [best]
 
 
-def accuracy_of_augmentation(workspace, values, wrong, folder) -> float:
-    images_dataset(workspace.dataset("glove"), wrong)
-    rows = augmentation.train_run(workspace, values, "glove", "none", "session_pressure", 0, nothing)
-    return next(value for *_, metric, unit, value, n in rows if metric == "accuracy")
-
-
-def accuracy_of_ablation(workspace, values, wrong, folder) -> float:
-    images_dataset(workspace.dataset("glove"), wrong)
-    ((_, _, scores),) = ablation(workspace, values, "glove")
-    return next(value for metric, unit, value, n in scores if metric == "accuracy")
-
-
-@pytest.mark.parametrize("accuracy", [accuracy_of_augmentation, accuracy_of_ablation])
-def test_a_study_of_images_is_scored_on_the_test_part(workspace, accuracy, values, tmp_path):
+def test_an_ablation_of_images_is_scored_on_the_test_part(workspace, values):
     """Who learned the right names is wrong where the names are exchanged."""
-    assert accuracy(workspace, values, "test", tmp_path) == 0
-    assert accuracy(workspace, values, "nowhere", tmp_path) == 1
+    accuracy = {}
+    for wrong in ("test", "nowhere"):
+        images_dataset(workspace.dataset("glove"), wrong)
+        ((_, _, scores),) = ablation(workspace, values, "glove")
+        accuracy[wrong] = next(value for metric, unit, value, n in scores if metric == "accuracy")
+    assert accuracy == {"test": 0, "nowhere": 1}
 
 
 def test_an_ablation_of_windows_is_scored_on_the_test_part(workspace, values, monkeypatch):
@@ -223,18 +209,6 @@ def test_an_ablation_of_windows_is_scored_on_the_test_part(workspace, values, mo
     assert {len(truth) for truth in scored} == {20}, "of the two conditions, only single touches are there"
     for truth in scored:
         np.testing.assert_array_equal(truth, labels[PART == "test"])
-
-
-@pytest.mark.parametrize(("method", "on"), [("none", ()), ("A", ("flip",)), ("B", ("noise",)), ("C", ("affine",))])
-def test_an_augmentation_method_is_on_alone_and_the_others_off(workspace, method, on, values, monkeypatch):
-    images_dataset(workspace.dataset("glove"), "nowhere")
-    usual = {"flip": 0.3, "noise": 0.02, "affine": 0.3}
-    values["glove"]["models"]["sp_resnet"] = SP_RESNET | {"training": SP_RESNET["training"] | usual}
-    used = []
-    monkeypatch.setattr(models, "build", lambda key, spec, block, where: used.append(block) or linear(spec, **block))
-    augmentation.train_run(workspace, values, "glove", method, "session_pressure", 0, nothing)
-    ((training, reduction),) = [(block["training"], block["reduction"]) for block in used]
-    assert training == TRAINING | {name: usual[name] if name in on else 0.0 for name in usual} and reduction == 16
 
 
 class Noting:

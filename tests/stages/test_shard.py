@@ -53,7 +53,7 @@ def test_sets_that_share_data_ask_for_the_same():
 
 def test_a_study_trains_only_the_models_that_it_names():
     """Those of the set whose data it shares are no models of the study."""
-    assert SETS["glove_session"].models and SETS["augmentation_glove"].models == []
+    assert SETS["glove_session"].models and SETS["input_frames_glove"].models == []
     assert SETS["strain"].models == [] and SETS["latent_strain"].models == ["lstm_direct"]
 
 
