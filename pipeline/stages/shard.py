@@ -184,8 +184,8 @@ def index(
     """Put the line of a shard into the index."""
     line = {
         "shard": shard.name, "experiment": each.experiment, "protocol": protocol, "seed": shard.seed,
-        "budget": shard.budget, "sha256": digest, "core_s": math.ceil(core_s), "machine": machine(each.experiment, device),
-        "commit": provenance.git_state(workspace)[0],
+        "budget": shard.budget, "sha256": digest, "core_s": math.ceil(core_s),
+        "machine": machine(each.experiment, device), "commit": provenance.git_state(workspace)[0],
         "data_sha256": files.sha256(own.dataset(each.experiment)) if not each.own_data else "",
     }  # fmt: skip
     shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, shard.name, [line])
