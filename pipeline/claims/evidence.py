@@ -20,6 +20,7 @@ class Evidence:
         self.results, self.budget = results, budget
         self.experiments = set(results.table["experiment"])
         self.trained = False  # whether a result that was read hangs on the budget
+        self.trainings = 0  # of a model, behind draws of recordings
 
     def runs(self, claim: Claim, result: Result) -> pd.Series:
         """Return seed -> value of a result of a claim. Raises Open where a run failed or is missing."""
@@ -35,8 +36,11 @@ class Evidence:
         if failed := int((~np.isfinite(values)).sum()):
             raise Open(f"{failed} of {len(values)} runs failed: {model} ({name}, {result.condition})")
         self.trained |= bool(budget)
-        draws = self.results.draws(*where[:5], self.budget)  # of recordings
-        return values if draws.empty else draws
+        draws = pd.Series() if result.variant else self.results.draws(*where[:5], self.budget)  # of recordings
+        if draws.empty:
+            return values
+        self.trainings = max(self.trainings, len(values))
+        return draws
 
 
 def protocol_of(claim: Claim, condition: str) -> str:

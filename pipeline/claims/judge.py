@@ -16,7 +16,6 @@ from pipeline.claims.evidence import Evidence
 from pipeline.claims.expressions import evaluate
 from pipeline.claims.rules import BAD, GOOD, OUTSIDE, RULES, UNDECIDED, Judgement, Open
 from pipeline.scoring.one_table import FULL, HALF, Results
-from pipeline.scoring.units import DRAWS
 
 ANY = "any"  # budget of what no training changes
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "protocol", "published", "ours", "low", "high", "unit"]
@@ -51,7 +50,8 @@ def _ruled(claim: Claim, results: Results, budget: str) -> tuple[Judgement, bool
             name: evaluate(expression, lambda result: evidence.runs(claim, result))
             for name, expression in claim.values.items()
         }
-        return RULES[claim.rule](runs, claim.printed, **claim.options), evidence.trained
+        found = RULES[claim.rule](runs, claim.printed, **claim.options)
+        return replace(found, trainings=evidence.trainings), evidence.trained
     except Open as error:
         return Judgement(error.ours, np.nan, np.nan, UNDECIDED, str(error), error.runs), evidence.trained
 
@@ -70,9 +70,11 @@ def table(claims: Iterable[Claim], results: Results) -> pd.DataFrame:
 
 def _row(claim: Claim, results: Results) -> list:
     found, budget = judged(claim, results)
-    protocol = claim.protocol if isinstance(claim.protocol, str) else "+".join(dict.fromkeys(claim.protocol.values()))
+    protocols = [claim.protocol] if isinstance(claim.protocol, str) else dict.fromkeys(claim.protocol.values())
+    draws = f"draws of presses or grasps of {found.trainings} training{'s' * (found.trainings > 1)}"
+    split = "+".join(protocol.replace("{condition}", "").strip("_") or "time" for protocol in protocols)
     return [
-        claim.id, claim.text, claim.paper, claim.section, claim.data, claim.kind, protocol, claim.published,
+        claim.id, claim.text, claim.paper, claim.section, claim.data, claim.kind, split, claim.published,
         found.ours, found.low, found.high, claim.unit, found.verdict, found.reason, found.power,
-        found.runs, budget, "draws of presses or grasps" if found.runs == DRAWS else claim.over, int(claim.measured),
+        found.runs, budget, draws if found.trainings else claim.over, int(claim.measured),
     ]  # fmt: skip

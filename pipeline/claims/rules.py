@@ -9,7 +9,7 @@ Where a sentence claims several directions, all must hold for it to be reproduce
 contradict it one must fail by Holm's test over all of them (Holm 1979), and the reason names it.
 
 A rule takes `values` (name -> one value per seed), `printed` (name -> the published value, NaN where there is none),
-and the options of the claim. `power` is the chance of the good verdict if the paper is exactly right.
+and the options of the claim. `power` is the chance of a good verdict if the paper is exactly right.
 """
 
 from collections.abc import Callable, Mapping
@@ -54,6 +54,7 @@ class Judgement:
     reason: str = ""
     runs: int = 0
     power: float = np.nan
+    trainings: int = 0  # behind draws of recordings
 
 
 def interval(values: pd.Series, scale: str = results.PLAIN) -> results.Estimate:
@@ -104,7 +105,7 @@ def above(values: Values, printed: Printed, *, limit: float = 0.0, scale: str = 
     held = sum(mean.low > limit for mean in means.values())
     word = {REPRODUCED: "the narrowest is", CONTRADICTED: "decided by", UNDECIDED: "the least certain is"}[verdict]
     reason = f"{held} of {count} hold; {word} {decides}" if count > 1 else f"limit {limit:g}" if limit else ""
-    power, mean = _power(values, printed, lambda low, high: (low > limit).all(axis=-1)), means[decides]
+    power, mean = _power(values, printed, lambda low, high: (low > limit).all(axis=-1), scale), means[decides]
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
 
 
@@ -118,7 +119,7 @@ def below(values: Values, printed: Printed, *, limit: float, scale: str = result
     elif len(means) * doubts[decides] < ALPHA:
         verdict = CONTRADICTED
     reason = f"limit {limit:g}" + (f"; decided by {decides}" if len(means) > 1 else "")
-    power, mean = _power(values, printed, lambda low, high: (high < limit).all(axis=-1)), means[decides]
+    power, mean = _power(values, printed, lambda low, high: (high < limit).all(axis=-1), scale), means[decides]
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
 
 
@@ -131,9 +132,9 @@ def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str
     """
     runs, published = only(values), only(printed)
     error = best == 0 and (runs.dropna() > 0).all()  # a gain, which is not, can be below zero
-    mean = interval(runs / (best or 1), results.SHARE if best else results.LOG if error else results.PLAIN)
-    if best:
-        mean = mean._replace(mean=best * mean.mean, low=best * mean.low, high=best * mean.high)
+    scale, whole = results.SHARE if best else results.LOG if error else results.PLAIN, best or 1
+    mean = interval(runs / whole, scale)
+    mean = mean._replace(mean=whole * mean.mean, low=whole * mean.low, high=whole * mean.high)
     band = BAND * abs(published - best)
     verdict = UNDECIDED
     if mean.low > published + band or mean.high < published - band:
@@ -147,7 +148,11 @@ def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str
     off = (mean.mean - best) / (published - best) - 1
     reason = f"{'error ' if best else ''}{100 * off:+.0f} % from the published one"
     reason += f"; a bound, as {unfinished}" if unfinished else ""
-    power = _power(values, printed, lambda low, high: _inside(low, high, published - band, published + band))
+    power = np.nan
+    if not unfinished:  # a bound cannot match
+        least, most = (published - 2 * band) / whole, (published + 2 * band) / whole
+        known = {"": runs / whole}, {"": published / whole}
+        power = _power(*known, lambda low, high: _inside(low, high, least, most), scale)
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
 
 
@@ -240,24 +245,31 @@ def calibrated(values: Values, printed: Printed) -> Judgement:
     return Judgement(mean.mean, mean.low, mean.high, CALIBRATED, reason, mean.runs)
 
 
-def _power(values: Values, printed: Printed, goal: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> float:
+def _power(
+    values: Values,
+    printed: Printed,
+    goal: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    scale: str = results.PLAIN,
+) -> float:
     """Return the chance that intervals reach a goal if the paper is exactly right; NaN where it prints no number.
 
     goal: (low, high), each (draws, names), -> truth of each draw. Around each published value the values spread,
-    together with one another, as ours do over seeds or over draws of recordings.
+    together with one another, as ours do over seeds, on the scale of the interval, or over draws of recordings.
     """
     frame = pd.DataFrame(values).dropna()
     centre = np.array([printed[name] for name in frame])
     if len(frame) < 2 or not np.isfinite(centre).all():
         return np.nan
-    off = (frame - frame.mean()).to_numpy()
     if frame.index.name == DRAW:
+        off = (frame - frame.mean()).to_numpy()
         return float(goal(*(centre + off + np.quantile(off, side, axis=0) for side in (ALPHA, 1 - ALPHA))).mean())
-    n = len(frame)
+    (there, back), n = results.SCALES[scale], len(frame)
+    seen = there(frame.to_numpy())
     drawn = np.random.default_rng(0).standard_normal((DRAWS, n, n))
-    samples = centre + drawn @ off / np.sqrt(n - 1)
+    samples = there(centre) + drawn @ (seen - seen.mean(axis=0)) / np.sqrt(n - 1)
     half = stats.t.ppf(1 - ALPHA, n - 1) * samples.std(axis=1, ddof=1) / np.sqrt(n)
-    return float(goal(samples.mean(axis=1) - half, samples.mean(axis=1) + half).mean())
+    ends = back(samples.mean(axis=1) - half), back(samples.mean(axis=1) + half)
+    return float(goal(np.minimum(*ends), np.maximum(*ends)).mean())
 
 
 Rule = Callable[..., Judgement]

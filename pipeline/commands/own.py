@@ -84,7 +84,7 @@ def alone(checkout: Workspace, experiment: str, folder: Path) -> Iterator[Sensor
 
     def refuse() -> None:
         both = f"`tactile own {folder}` or `tactile try {folder}`"
-        raise InputError(f"{both} runs already; wait until it ends, or stop it")
+        raise InputError(f"{both} is already running; wait until it ends, or stop it")
 
     sensor = Sensor(experiment, folder, name, Workspace(checkout.root / "build" / "own" / name))
     with processes.holding(sensor.workspace.root / "lock", refuse):

@@ -325,7 +325,7 @@ def _fit(piece: Signal, against: Signal, lags: tuple[float, float], limits: dict
         )
     if rival is not None:
         raise InputError(
-            f"{who}: the clocks fit at {rough:+.2f} s and at {rival:+.2f} s alike, the presses are too "
+            f"{who}: the clocks fit at {rough:+.2f} s and at {rival:+.2f} s alike, because the presses are too "
             "regular; vary their depth or timing, or lower touch.ingest.max_clock_offset_s below their period"
         )
     return clock

@@ -190,7 +190,7 @@ class Reader:
         if len(each) != len(self._readings):
             raise InputError(
                 f"{self.where}: its format in the settings has {len(each)} scales or offsets for "
-                f"{len(self._readings)} readings; write one number, or as many as readings"
+                f"{len(self._readings)} readings; write one number, or one for each reading"
             )
         return each
 

@@ -103,13 +103,13 @@ def printed(line: bytes, fmt: Format, where: str) -> Format | None:
     if strange := [field.decode().strip() for field, name in zip(fields, names, strict=True) if name not in fmt.names]:
         raise InputError(
             f"{where} names the column{'s' * (len(strange) > 1)} {_listed(strange)}; known are "
-            f"{_listed(fmt.names)}: {_RENAME}"
+            f"{_listed(fmt.names)}; {_RENAME}"
         )
     twice = next(name for name in names if names.count(name) > 1)
     raise InputError(f"{where} names {twice} twice and not {_listed(fmt.names, names)}; {_RENAME}")
 
 
-_RENAME = "rename them, or remove the header line if the columns are in the usual order"
+_RENAME = "rename the columns, or remove the header line if the columns are in the usual order"
 _NAME = re.compile(rb"""[ \t"']*[A-Za-z_][\w .%/-]*([\[(][\w/% .]*[\])])?[ \t"']*""", re.ASCII)
 _TIME = re.compile(r"t(ime(_?stamp)?)?(_|$)")
 
@@ -488,7 +488,7 @@ def _check_clock(path: Path, fmt: Format, time: np.ndarray, line: np.ndarray, se
         at = int(np.argmax(interval))
         raise InputError(
             f"{path}: lasts {lasts:.0f} s, more than the {LONGEST_S:.0f} s of a log; the clock jumps by "
-            f"{interval[at]:.0f} s in line {line[at + 1]}: remove that line if it is wrong, or divide the log"
+            f"{interval[at]:.0f} s in line {line[at + 1]}; remove that line if it is wrong, or divide the log"
         )
 
 

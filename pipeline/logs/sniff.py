@@ -457,7 +457,7 @@ def _unit(
             edges = np.flatnonzero(np.concatenate([[True], steps != 0, [True]]))
             raise InputError(
                 f"the time has too few digits: it rises in steps of {wide:.3g} s, and up to {np.diff(edges).max()} "
-                "lines have the same; write more digits"
+                "lines have the same time; write more digits"
             )
         found["repeats"] = "spread"
         guesses.append(f"that lines of one time, in steps of {1e3 * wide:.3g} ms, came evenly")

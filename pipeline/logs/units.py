@@ -72,8 +72,8 @@ def factor(name: str, column: Column, where: str) -> float | None:
         what = f"a unit of {KNOWN[unit]}" if unit else "no unit that is known here"
         expected = f"expected {column.unit}, or {_listed(wanted)}" if wanted else f"expected {column.unit}"
         raise InputError(
-            f"{where} names the column '{name}' for {column.name}: '{said}' is {what}; {expected}: convert the "
-            f"readings and rename the column; where its name is wrong, rename it alone"
+            f"{where} names the column '{name}' for {column.name}, but '{said}' is {what} ({expected}); convert the "
+            f"readings and rename the column, or rename it alone if only its name is wrong"
         )
     sizes = SIZES[KNOWN[wanted]]
     return float(f"{sizes[unit] / sizes[wanted]:.15g}")

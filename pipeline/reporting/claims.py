@@ -14,7 +14,7 @@ from pipeline.scoring.one_table import Results
 
 RULES = (
     ("direction", "the difference, paired by seed, is on the claimed side of 0, or of the limit that is named"),
-    ("several directions", "every one of them is; contradicted, where one is not by Holm's test over all of them"),
+    ("several directions", "all of them are; contradicted where one is not by Holm's test over all of them"),
     ("order", f"the rank correlation with the printed order is above {RANKS:g}"),
     (
         "number",
@@ -24,7 +24,10 @@ RULES = (
     ),
     ("no difference, no increase", "the value is inside, or below, the margin that is named"),
     ("count", "equal at the precision that is printed"),
-    ("measured time", f"the ratio of medians is more than {100 * TOLERANCE:.0f} % on the claimed side of 1"),
+    (
+        "measured time",
+        f"the ratio of medians is more than {100 * TOLERANCE:.0f} %, of an order 5 %, on the claimed side of 1",
+    ),
 )
 COUNTED = (SENTENCE, NUMBER)  # kinds
 RECORDED = "recorded"  # data; its claims come before those of simulated data
@@ -110,7 +113,8 @@ def text(workspace: Workspace, claims: pd.DataFrame, tried: Mapping[str, str]) -
         rules=RULES,
         counts=(["Data", "Paper", "Kind", *VERDICTS, "claims"], count_rows(workspace, claims, ["paper", "kind"])),
         open=[
-            [row.claim, row.data, power_text(row.power), str(row.seeds), row.reason] for row in open_ones.itertuples()
+            [row.claim, row.data, power_text(row.power), runs_text(row.seeds, row.over), row.reason]
+            for row in open_ones.itertuples()
         ],
         header=HEADER,
         papers=papers,

@@ -25,7 +25,7 @@ SHARES = ("accuracy", "macro_precision", "touches_found")  # metrics from 0 to 1
 ERRORS = ("rmse", "error", "location_error", "force_rmse", "press_error")  # metrics above 0
 # Scale -> the function that its values are near a normal distribution by, and its inverse.
 SCALES: dict[str, tuple[Callable, Callable]] = {
-    PLAIN: (np.asarray, float),
+    PLAIN: (np.asarray, np.asarray),
     SHARE: (lambda share: logit(np.clip(share, EDGE, 1 - EDGE)), expit),
     LOG: (np.log, np.exp),  # of errors and their ratios, which are above 0
     R2: (lambda r2: np.log(np.maximum(1 - r2, EDGE)), lambda missing: 1 - np.exp(missing)),

@@ -61,7 +61,7 @@ def test_a_second_run_on_a_sensor_is_refused_until_the_first_has_ended(workspace
     command = [sys.executable, "-c", HOLD, str(lock)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ, cwd=paths.CODE.parent) as other:
         assert other.stdout.readline() == "held\n"
-        with pytest.raises(InputError, match="`tactile try .*finger` runs already; wait"):
+        with pytest.raises(InputError, match="`tactile try .*finger` is already running; wait"):
             own.prepared(workspace, folder, [0]).__enter__()
         assert not done
         other.kill()

@@ -148,5 +148,5 @@ def test_readings_outside_the_training_have_no_interval_or_set(
 def test_two_runs_on_one_sensor_do_not_mix(workspace, monkeypatch, capsys):
     folder = free_targets.angles(workspace.root / "data" / "own" / "joint", people=("anna",), seconds=3.0)
     with processes.holding(workspace.root / "build" / "own" / "joint" / "lock", lambda: None):
-        with pytest.raises(SystemExit, match="runs already; wait until it ends, or stop it"):
+        with pytest.raises(SystemExit, match="is already running; wait until it ends, or stop it"):
             called(monkeypatch, capsys, workspace, "try", folder)

@@ -194,7 +194,7 @@ def test_regular_presses_are_refused_unless_the_offset_is_small():
     t, force, counts, _ = scene(120, 4, regular=True)
     cell, array = sample(t, force, 0, 120, 100), sample(t, counts, 0.1, 120, 50)
     pair = [force_signal(cell)], [array_signal(array)]
-    with pytest.raises(InputError, match="alike, the presses are too regular"):
+    with pytest.raises(InputError, match="alike, because the presses are too regular"):
         place_pair(*pair, **LIMITS)
     _, (clock,) = place_pair(*pair, **LIMITS | {"max_offset_s": 0.4})
     assert rms_ms(clock, array, cell) < 10

@@ -70,7 +70,7 @@ def test_what_was_tried_stands_where_a_claim_is_not_reproduced(workspace):
     assert "- **A** (undecided; why)\n\nIt was turned around." in tried and "Not shown." not in text
     assert tried.count("No reason was looked for.") == 1
     (waiting,) = re.findall(r"\n\| A\. .*", text.split("## Open claims")[1].split("\n## ")[0])
-    assert [cell.strip() for cell in waiting.split("|")[1:-1]] == ["A.", "simulated", "25 %", "3", "why"]
+    assert [cell.strip() for cell in waiting.split("|")[1:-1]] == ["A.", "simulated", "25 %", "3 seeds", "why"]
 
 
 def test_every_claim_that_a_report_asks_for_is_there(workspace):

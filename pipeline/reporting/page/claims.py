@@ -40,7 +40,7 @@ def row_of(row, paper: entries.Paper) -> dict:
             claim_text.ours_text(row.ours, row.low, row.high, row.unit),
         )
     )
-    split = plain(row.protocol.replace("{condition}", "")).strip()
+    split = plain(row.protocol)
     runs, budget = claim_text.runs_text(row.seeds, row.over), f"budget {row.budget}"
     place = [paper.title, str(row.section), f"{row.data} data", split and f"split {split}"]
     place += [runs] if row.seeds else []
