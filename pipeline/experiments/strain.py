@@ -43,6 +43,11 @@ SMALL_STEPS = 100
 # where slow strokes keep 0.9 of the correlation (simulated sliding, the robot 1.5 s early; 0.3 where it is late).
 SHIFTED_S, REFUSED_S = 0.2, 1.0
 LEAST_TRUTH = 0.5  # share of the DAQ's samples that must have ground truth
+# Of the way of z, the share at its top in which no reading changes by more than ANSWER of its range: 0.03 to 0.10 in 24
+# simulated recordings, whose arm stays on the finger, 0.4 to 0.95 where it lifts off by 3 to 40 mm after presses of 5.
+IN_AIR, ANSWER = 0.25, 0.03
+STEPS, LEAST_OF_STEP = 40, 5  # into which that way is divided, and the readings that a step needs
+STILL = 0.1  # x and y move by less than this share of z where the arm only presses
 
 
 def formats(settings: Mapping) -> dict[str, Format]:
@@ -117,14 +122,12 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         if f"{axis}_mm" in robot.column_names:
             place[:, column] = robot[f"{axis}_mm"].to_numpy()
     channels = stuck(folder / "daq.log", at, volts, _step(volts, settings["sensor"].get("unit", "V")))
-    if ingest.get("clock") == "shared":
-        clock = alignment.Clock(0.0)
-        measured = shared_clock(at, volts, robot["t_s"].to_numpy(), place, ingest, who)
-    else:
-        clock = robot_clock(at, volts, robot["t_s"].to_numpy(), place, ingest, who)
-        measured = {"clock": clock.report()}
+    touching = np.minimum(place, [np.inf, np.inf, np.inf if below is None else below])  # in the air nothing answers
+    shared = ingest.get("clock") == "shared"
+    placed = at, volts, robot["t_s"].to_numpy(), touching, ingest, who
+    clock = alignment.Clock(0.0) if shared else robot_clock(*placed)
     truth, known = alignment.interpolated(at, clock(robot["t_s"].to_numpy()), place)
-    if not known.any() and ingest.get("clock") == "shared":
+    if not known.any() and shared:
         raise alignment.NotOneClock(
             f"{folder / 'robot.log'}: its times, {_span(robot['t_s'].to_numpy())}, are none of daq.log's, {_span(at)}, "
             "so they do not share a clock; set strain.ingest.clock: own"
@@ -133,6 +136,9 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         raise InputError(
             f"{folder / 'robot.log'}: covers {100 * known.mean():.0f} % of the DAQ's log; it ended early, record again"
         )
+    if below is None:
+        refuse_air(truth[known], volts[known], who)
+    measured = shared_clock(*placed) if shared else {"clock": clock.report()}
     unknown = daq["line"].to_numpy()[~known]
     rejects["daq.log"] = parse.add_rejects(rejects["daq.log"], folder / "daq.log", unknown, NO_GROUND_TRUTH)
 
@@ -147,6 +153,37 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
     report["daq.log"]["channels"] = channels
     report["robot.log"] |= measured
     return frames, pa.concat_tables(rejects.values()), report
+
+
+def refuse_air(place: np.ndarray, readings: np.ndarray, who: str) -> None:
+    """Raise InputError where an arm that moves along z alone leaves the sensor, so that z is more than a depth.
+
+    place (n, 3), mm; readings (n, channels). With presses of 5 mm the clock was 0.38 s beside the truth after lifts of
+    3 mm, 0.79 s after lifts of 40 mm; so the quarter of a step's readings with the least response is asked, which is
+    that of one way, up or down.
+    """
+    z, (*aside, way) = place[:, -1], np.ptp(place, axis=0)
+    if way == 0 or max(aside) > STILL * way:
+        return
+    step = np.minimum(((z - z.min()) / way * STEPS).astype(int), STEPS - 1)
+    told = [k for k in range(STEPS) if (step == k).sum() >= LEAST_OF_STEP]
+    if len(told) < 2:
+        return
+    moving = readings.std(axis=0) > 0
+    follows = [np.corrcoef(z, each)[0, 1] if moves else 0.0 for each, moves in zip(readings.T, moving, strict=True)]
+    answering = int(np.abs(follows).argmax())
+    response = -readings[:, answering] * np.sign(follows[answering])
+    least = np.array([np.percentile(response[step == k], 25) for k in told])
+    answers = np.flatnonzero(least - least[-1] > ANSWER * np.ptp(least))
+    if not len(answers):
+        return
+    below = (told[answers[-1]] + 1) / STEPS
+    if 1 - below > IN_AIR:
+        surface = f"{z.min() + below * way:.3g}"
+        raise InputError(
+            f"{who}: no reading changes while z is above {surface} mm, in {100 * (1 - below):.0f} % of its way, where "
+            f"the arm is off the sensor; set strain.sensor.pressed_below_mm: {surface}"
+        )
 
 
 def resampled(

@@ -296,8 +296,9 @@ def test_readings_are_averaged_and_may_be_ohms(settings, tmp_path):
 def test_only_pressed_samples_count_where_a_depth_is_set(settings, lines, whole, tmp_path):
     z = schemas.matrix(whole[0]["y_mm"])[:, 2]
     masked = settings | {"sensor": settings["sensor"] | {"pressed_below_mm": float(np.median(z))}}
-    press = strain.read_recording(written(tmp_path, lines), masked)[0]["press"].to_numpy()
-    assert ((press >= 0) == (z < np.median(z))).all()
+    frames = strain.read_recording(written(tmp_path, lines), masked)[0]
+    press, z = frames["press"].to_numpy(), schemas.matrix(frames["y_mm"])[:, 2]  # on a clock of presses alone
+    assert ((press >= 0) == (z < masked["sensor"]["pressed_below_mm"])).all()
     assert set(np.diff(press[press >= 0])) <= {0, 1} and press.max() > 2
     assert strain.task("task_1", masked).pressed_only and not strain.task("task_1", settings).pressed_only
 
@@ -352,6 +353,32 @@ def test_a_robot_that_does_not_share_the_daqs_clock_is_refused(settings, tmp_pat
 def test_a_robot_that_is_a_little_late_is_a_warning(settings, tmp_path):
     place, shared = own_strain(tmp_path, settings, 0.3)
     assert "look at what delays one" in strain.read_recording(place, shared)[2]["robot.log"]["warnings"][0]
+
+
+@pytest.mark.parametrize("late_s", [0.0, 2.0])
+def test_an_arm_that_lifts_off_needs_a_surface(settings, tmp_path, late_s):
+    """Presses of 3.5 to 5 mm, and lifts of 5 mm between them, at the true surface of 0 mm."""
+    rng, time = np.random.default_rng(0), np.arange(0, 184, 0.02)
+    press, phase = np.divmod(np.clip(time - 2, 0, 179.99), 6)
+    deepest = rng.uniform(3.5, 5, 30)[press.astype(int)]
+    depth = deepest * np.clip(np.minimum(phase, 4.5 - phase) / 1.5, 0, 1)
+    z = 5 * np.clip(np.minimum(phase - 4.5, 6 - phase) / 0.5, 0, 1) - depth
+    volts = 1 + np.outer(depth, (0.03, 0.07, 0.1)) + rng.normal(0, 4e-4, (len(time), 3))
+    (tmp_path / "press" / "day1").mkdir(parents=True)
+    for name, at, values in (("daq.log", time, volts), ("robot.log", time + late_s, z[:, None])):
+        rows = [f"{t:.3f}," + ",".join(f"{value:.5f}" for value in row) for t, row in zip(at, values, strict=True)]
+        (tmp_path / "press" / "day1" / name).write_text("\n".join(rows) + "\n")
+    sensor = {"channels": 3, "tasks": {"press": ["z"]}}
+    clock = {} if late_s else {"clock": "shared"}
+    own = settings | {"sensor": sensor, "ingest": settings["ingest"] | clock}
+    with pytest.raises(
+        InputError, match=r"press/day1: no reading changes while z is above -?\d.\d+ mm, in [56]\d % of its way"
+    ):
+        strain.read_recording(tmp_path / "press" / "day1", own)
+    own["sensor"] = sensor | {"pressed_below_mm": 0.0}
+    report = strain.read_recording(tmp_path / "press" / "day1", own)[2]["robot.log"]["clock"]
+    found = report["offset_ms"] if late_s else report["measured_offset_ms"]
+    assert abs(found + 1e3 * late_s) < 150, report
 
 
 def test_a_depth_of_presses_needs_z(settings, tmp_path):
