@@ -19,7 +19,7 @@ import pandas as pd
 from pipeline.base import files, params, paths, processes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring.claim_inputs import COLUMNS, FULL, HALF
+from pipeline.scoring.claim_inputs import COLUMNS, DATA, FULL, HALF, KEY
 from pipeline.scoring.results import read_csv
 from pipeline.settings.shards import ShardSet
 
@@ -114,7 +114,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
         rows = read_csv(path, COLUMNS, MADE_BY)
-        tables.append(rows)
+        tables.append(rows.assign(of=int(row.seed)))
         if row.shard in of_shard:
             tables.append(_training_times(of_shard[row.shard], rows, row.budget))
     return _once(pd.concat(tables, ignore_index=True))
@@ -123,8 +123,12 @@ def read(workspace: Workspace) -> pd.DataFrame:
 def _once(rows: pd.DataFrame) -> pd.DataFrame:
     """Return every result once: what describes the data of a set stands in the shards of all its seeds.
 
-    It is the same result to nine digits: seeds that two machines computed differ in the last ones.
+    It is the same result to nine digits: seeds that two machines computed differ in the last ones. Where it is another
+    one, the set has grown, and that of the highest seed (column `of`) describes the most specimens.
     """
+    of_data = rows[rows["model"] == DATA].sort_values("of", kind="stable")
+    former = of_data.index[of_data.duplicated([*KEY, "seed", "budget"], keep="last")]
+    rows = rows.drop(index=former, columns="of")
     return rows[~rows.assign(value=[float(f"{value:.9g}") for value in rows["value"]]).duplicated()]
 
 
