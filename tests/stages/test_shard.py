@@ -135,16 +135,18 @@ def test_a_study_keeps_its_tables_and_comes_out_the_same(strain, tmp_path):
     assert "true drift" in set(drift["target"]) and drift["value"].notna().all()
 
 
-def test_last_digits_of_another_machine_make_no_second_result(tmp_path):
+@pytest.mark.parametrize("model", ["rnn", shards.DATA])
+def test_last_digits_of_another_machine_make_no_second_result_nor_does_a_set_that_has_grown(tmp_path, model):
     workspace, columns = Workspace(tmp_path), shards.COLUMNS
-    of_data = ("touch", "press", "single", "data", "", "shift", 0, "", "counts")
+    of_data = ("touch", "press", "single", model, "", "shift", 0, "", "counts")
     first, last_digits, other = 94.88475396520789, 94.88475396520786, 94.9
-    for numbers, known in (((first, last_digits), [first]), ((first, other), [first, other])):
+    of_grown = [other] if model == shards.DATA else [first, other]
+    for numbers, known in (((first, last_digits), [pytest.approx(first)]), ((first, other), of_grown)):
         for seed, value in enumerate(numbers):
             path = shards.folder(workspace) / "results" / f"a-{seed}-full.csv"
             files.write_table(path, pd.DataFrame([(*of_data, value, 1)], columns=columns))
             line = dict.fromkeys(shards.INDEX, "") | {"shard": f"a-{seed}-full", "sha256": files.sha256(path)}
-            shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, line["shard"], [line])
+            shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, line["shard"], [line | {"seed": seed}])
         assert shards.read(workspace)["value"].tolist() == known  # two that differ are refused where they are used
 
 
