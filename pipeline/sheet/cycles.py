@@ -111,7 +111,9 @@ class Cycles(NamedTuple):
 
 def presses(time_s: np.ndarray, stimulus: np.ndarray, threshold: float, briefest_s: float) -> list[Press]:
     """Return the stretches in which a stimulus (n,) is above a threshold for `briefest_s` or more."""
-    step = time_s[1] - time_s[0]
+    if len(time_s) < 2:
+        return []
+    step = np.median(np.diff(time_s))
     above = np.concatenate([[False], stimulus > threshold, [False]])
     edges = np.flatnonzero(np.diff(above.astype(int))).reshape(-1, 2)
     result = []
