@@ -45,6 +45,16 @@ def test_the_first_thing_to_fix_is_said(workspace, monkeypatch, capsys):
         called(monkeypatch, capsys, workspace, "check", folder)
 
 
+@pytest.mark.parametrize("command", ["check", "try"])
+def test_times_of_both_logs_in_milliseconds_are_said(command, workspace, monkeypatch, capsys):
+    folder = free_targets.angles(workspace.root / "data" / "own" / "joint", people=("anna",), seconds=30.0)
+    for path in folder.rglob("*.log"):
+        rows = [line.partition(",") for line in path.read_text().splitlines()]
+        path.write_text("".join(f"{1000 * float(at):.0f},{rest}\n" for at, _, rest in rows))
+    with pytest.raises(SystemExit, match="fix first: .*daq.log: 0.01 lines per second; .* Divide milliseconds by 1000"):
+        called(monkeypatch, capsys, workspace, command, folder)
+
+
 def trained(monkeypatch, capsys, workspace, folder):
     """Return the folder of the model that a quick look keeps."""
     monkeypatch.setattr(targets, "LOOK", Effort(300, 10))
