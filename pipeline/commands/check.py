@@ -656,12 +656,16 @@ def check_target(experiment: str, folder: Path, settings: Mapping, asked: Asked)
 
     settings: the block of the experiment.
     """
+    log, problems = LOGS[experiment], []
     try:
         data = target_logs.own(experiment, folder, settings, asked)
         print("\n".join(target_logs.said(data)))
+        for path in (folder / each.name / log for each in data.series):
+            fmt, laid_out = target_logs.FORMATS[experiment](settings), layout.of(settings["ingest"], log)
+            problems += conventions(path, own_logs.read_one(path, fmt, laid_out), settings)
     except InputError as error:
         return str(error)
-    return None
+    return next(iter([*problems, *target_logs.lacking(data, folder)]), None)
 
 
 def draw(target: Path, experiment: str, recordings: list[Checked], settings: Mapping) -> None:

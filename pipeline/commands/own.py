@@ -92,8 +92,11 @@ def alone(checkout: Workspace, experiment: str, folder: Path) -> Iterator[Sensor
 
 
 def of_target(checkout: Workspace, experiment: str, folder: Path, asked: Asked, effort: Effort) -> None:
-    """Test the target of a sensor, alone; errors as `prepared` and `targets.of_own`."""
+    """Test the target of a sensor, alone; errors as `prepared` and `targets.of_own`, and what `check` says to fix."""
+    settings = own_settings.of_logs(checkout, experiment, folder)[experiment]
     with alone(checkout, experiment, folder) as sensor:
+        if problem := check.check_target(experiment, folder, settings, asked):
+            raise InputError(f"fix first: {problem}")
         trained = sensor.workspace.root / TRAINED
         targets.of_own(checkout, trained, experiment, folder, sensor.name, asked, effort)
 

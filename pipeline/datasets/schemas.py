@@ -50,6 +50,15 @@ def frames(elements: int, touches: int, value: pa.DataType) -> pa.Schema:
     )
 
 
+def steps(time_s: np.ndarray) -> np.ndarray:
+    """Return the intervals (m,) between rows at times (n,), without those over which a clock that was reset steps back.
+
+    Their sum is how long the rows last.
+    """
+    interval = np.diff(time_s)
+    return interval[interval > 0]
+
+
 def gaps(time_s: np.ndarray, segment: np.ndarray) -> np.ndarray:
     """Return where an interval of more than LONG medians comes before a row, (n,) bool; False where a segment starts.
 

@@ -106,8 +106,7 @@ def read_recording(folder: Path, settings: Mapping) -> tuple[pa.Table, pa.Table,
         rows[name], rejects[name] = parse.read_log(
             folder / name, fmt, limit=limit, key=key, layout=layout.of(ingest, name)
         )
-        if rows[name]["segment"][-1].as_py() > 0:
-            raise InputError(f"{folder / name}: the time steps back for good; the clock was set, record again")
+        check_clock(folder / name, rows[name])
         lasts, least = (
             np.ptp(rows[name]["t_s"].to_numpy()),
             0 if ingest.get("clock") == "shared" else _shortest_s(ingest),
@@ -183,6 +182,16 @@ def refuse_air(place: np.ndarray, readings: np.ndarray, who: str) -> None:
         raise InputError(
             f"{who}: no reading changes while z is above {surface} mm, in {100 * (1 - below):.0f} % of its way, where "
             f"the arm is off the sensor; set strain.sensor.pressed_below_mm: {surface}"
+        )
+
+
+def check_clock(path: Path, rows: pa.Table) -> None:
+    """Raise InputError for a log, read as `rows`, whose clock begins anew: nobody knows how much later."""
+    if rows["segment"][-1].as_py() > 0:
+        line = rows["line"].to_numpy()[np.argmax(rows["segment"].to_numpy() > 0)]
+        raise InputError(
+            f"{path}: the time steps back for good in line {line}; the clock was set, or the device restarted: divide "
+            "the recording there, or record again"
         )
 
 

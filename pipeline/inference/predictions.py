@@ -71,13 +71,14 @@ def summary(recording: Recording, of_recording: Predicted, card: Card, scores: S
     """
     predicted, outside = of_recording.values, of_recording.outside
     known = ~np.isnan(predicted.reshape(len(predicted), -1)).any(axis=1)
-    lasts = float(recording.t_s[-1] - recording.t_s[0]) if len(recording.t_s) else 0.0
+    steps = schemas.steps(recording.t_s)
+    lasts = float(steps.sum())
     said = {
         "recording": recording.name,
         "log": str(recording.path),
         "readings": len(predicted),
         "seconds": round(lasts, 3),
-        "readings_per_second": round((len(predicted) - 1) / lasts, 2) if lasts else None,
+        "readings_per_second": round(len(steps) / lasts, 2) if lasts else None,
         "gaps": recording.gaps,
         "rejected_lines": dict(Counter(recording.rejects["reason"].to_pylist())),
         "without_prediction": int((~known).sum()),

@@ -83,7 +83,10 @@ def absolute(place: Path) -> Path:
 
 
 def read(path: Path, name: str, card: Card) -> Recording:
-    """Read the log of one recording of the sensor that a model was trained for. Errors as parse.read_log."""
+    """Read the log of one recording of the sensor that a model was trained for.
+
+    Errors as parse.read_log; of strands also as strain.check_clock.
+    """
     experiment, settings = card.experiment, card.reading
     module = experiments.module(experiment)
     limit = f"{experiment}.ingest.max_reject_fraction"
@@ -97,6 +100,7 @@ def read(path: Path, name: str, card: Card) -> Recording:
     values = np.column_stack([rows[column].to_numpy() for column in fmt.names[1:]])
     condition = path.parent.parent.name
     if experiment == "strain":
+        module.check_clock(path, rows)
         nowhere = np.full((len(time), 3), np.nan)
         frames = module.resampled(condition, path.parent.name, time, values, nowhere, settings["ingest"])
         return _of_frames(path, name, frames, rejects, card)

@@ -24,7 +24,7 @@ class Target(Block):
     column: Place = Field(default=None, description="Its column in that log, by number from 1 or by name")
     folder: Literal[1, 2] = Field(
         default=None,
-        description="Level of the folder whose name is the truth, in <1>/<2>/<log>; of a continuous target, the first "
+        description="Level of the folder whose name is the truth, in <1>/<2>/<log>; of a continuous target, the one "
         "number in it",
     )
     window_s: Positive = Field(

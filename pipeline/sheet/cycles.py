@@ -28,6 +28,7 @@ NEAR_S = 0.05  # around a time: readings that are averaged
 MOVED_MM = 1.0  # a place that moves by more during a press is none
 MIDDLE = 0.25  # of the pitch: so near the middle of an element it is pressed, in x and y
 FEWEST_IN_A_LOG = 10
+ROUNDING = 1e-6  # of the range of a reading
 MOST = 3000  # presses of a sensor that are looked at, a second or three; of more, every so many
 LOST = 3.0  # intervals; a cycle with a longer silence is left out
 
@@ -106,12 +107,15 @@ class Cycles(NamedTuple):
     rise_s: np.ndarray  # (P, E) the same of the reading
     stimulus_fall_s: np.ndarray  # (P,) 90 to 10 %
     fall_s: np.ndarray  # (P, E) infinite where the reading does not come back before the next press
+    at_limit: np.ndarray  # (P, 2, E) share of the hold in which it reads the lowest, and the highest, that it ever does
     interval_s: float  # of the logs
 
 
 def presses(time_s: np.ndarray, stimulus: np.ndarray, threshold: float, briefest_s: float) -> list[Press]:
     """Return the stretches in which a stimulus (n,) is above a threshold for `briefest_s` or more."""
-    step = time_s[1] - time_s[0]
+    if len(time_s) < 2:
+        return []
+    step = np.median(np.diff(time_s))
     above = np.concatenate([[False], stimulus > threshold, [False]])
     edges = np.flatnonzero(np.diff(above.astype(int))).reshape(-1, 2)
     result = []
@@ -142,12 +146,21 @@ def full_scale(sensor: Sensor) -> float:
 def cycles(sensor: Sensor) -> Cycles:
     """Return the full cycles of all logs; one that a silence interrupts, or during which the place moves, is none."""
     top, rows, groups = full_scale(sensor), [], sorted({log.group for log in sensor.logs})
+    limits = extremes(sensor)
     for number, log in enumerate(sensor.logs):
         if np.isfinite(top) and len(log.stimulus):
-            rows += [(number, groups.index(log.group), *row) for row in of_log(log, sensor, top)]
+            rows += [(number, groups.index(log.group), *row) for row in of_log(log, sensor, top, limits)]
     intervals = np.concatenate([np.diff(log.time_s) for log in sensor.logs])
     columns = [np.array(column) for column in zip(*rows, strict=True)] if rows else empty(sensor.elements)
     return Cycles(*columns, float(np.median(intervals)) if len(intervals) else np.nan)
+
+
+def extremes(sensor: Sensor) -> np.ndarray:
+    """Return the lowest and the highest reading of each element in all logs, (2, E); NaN without one."""
+    parts = [log.reading for log in sensor.logs if len(log.reading)]
+    ends = [(part.min(axis=0), part.max(axis=0)) for part in parts] or [np.full((2, sensor.elements), np.nan)]
+    low, high = zip(*ends, strict=True)
+    return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
 
 def empty(elements: int) -> list[np.ndarray]:
@@ -155,13 +168,17 @@ def empty(elements: int) -> list[np.ndarray]:
     by_element, ways, settled = (elements,), (len(LEVELS), elements), (len(SETTLED_S), elements)
     shapes = dict.fromkeys(("time_s", "end_s", "stimulus", "stimulus_rise_s", "stimulus_fall_s"), ())
     shapes |= {"place": (2,), "quiet": (2, elements), "busy": (2, elements), "up": ways, "down": ways}
+    shapes["at_limit"] = (2, elements)
     shapes |= {"settled": settled, "creep": (len(SETTLED_S), len(CREEP_S), elements)}
     numbers = [np.empty(0, dtype=int)] * 2
     return numbers + [np.empty((0, *shapes.get(name, by_element))) for name in Cycles._fields[2:-1]]
 
 
-def of_log(log: Log, sensor: Sensor, top: float) -> Iterator[tuple]:
-    """Yield the values of every cycle of one log, in the order of Cycles, from `time_s` on; top: the full scale."""
+def of_log(log: Log, sensor: Sensor, top: float, limits: np.ndarray) -> Iterator[tuple]:
+    """Yield the values of every cycle of one log, in the order of Cycles, from `time_s` on.
+
+    top: the full scale; limits: the `extremes` of the sensor.
+    """
     time, stimulus, n = log.time_s, log.stimulus, len(log.time_s)
     if n < FEWEST_IN_A_LOG:
         return
@@ -203,7 +220,13 @@ def of_log(log: Log, sensor: Sensor, top: float) -> Iterator[tuple]:
             quiet_squares(log.reading[still], still),
             quiet_squares(np.where(loaded, log.reading[held], np.nan), held),
             *of_course(course, loaded, noise, sensor),
+            np.where(loaded, at_limits(log.reading[press.reached : press.left + 1], limits), np.nan),
         )
+
+
+def at_limits(reading: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """Return the shares (2, E) of readings (n, E) that are one and the other of `limits` (2, E), but for rounding."""
+    return (np.abs(reading[:, None] - limits) <= ROUNDING * (limits[1] - limits[0])).mean(axis=0)
 
 
 def white_noise(values: np.ndarray) -> np.ndarray:

@@ -25,10 +25,11 @@ from pipeline.sheet.cycles import (
     Cycles,
     Sensor,
     cycles,
+    extremes,
     full_scale,
 )
 from pipeline.sheet.cycles import second_difference_squares as squares
-from pipeline.sheet.estimates import Estimate, cannot_tell, in_blocks, ratio_of_sums
+from pipeline.sheet.estimates import FEWEST, Estimate, cannot_tell, in_blocks, ratio_of_sums
 
 PERCENT = 100.0
 ALIKE = 0.05  # of the stimulus; presses that differ by less, in one place, are equal
@@ -40,6 +41,8 @@ SLOWER = 2.0  # times as long as the stimulus's own change: then the time is the
 UNFINISHED = 0.05  # share of presses after which a reading does not come back, above which there is no mean time
 HOLD_S = 1.0  # at the end of a grasp
 LIVE = 0.03  # of the highest reading of any element; a cell that never comes to it is not touched
+HALF = 0.5  # of the samples of holds: an element that stands at its limit for longer is clipped there
+SAME = 0.99  # of the response: a reading that has come so far at 90 % of the stimulus
 ANSWERS = 5.0  # times its noise: an element that answers less to full presses is dead
 
 NO_STIMULUS = "no log says how hard the sensor was pressed"
@@ -95,6 +98,42 @@ def full_scale_output(given: Known) -> np.ndarray:
     return mean(response, np.isfinite(response))
 
 
+def clipped(given: Known) -> str:
+    """Return the sentence on elements that stand at a limit for more than half of the holds; "" where none does.
+
+    Readings that are all alike in equal presses look the same, so that a limit has to be reached at 90 % of the
+    stimulus already, or by presses that differ. Without a stimulus: the highest cell, in the last second of grasps.
+    """
+    low, high = extremes(given.sensor)
+    if given.untold == NO_STIMULUS:
+        tops = [log.reading[log.time_s >= log.time_s[-1] - HOLD_S].max(axis=1) for log in given.sensor.logs]
+        at_top = np.mean([np.mean(top >= high.max()) for top in tops]) > HALF and len(tops) >= FEWEST
+        return f"the readings are clipped at {high.max():.4g}" if at_top else ""
+    cycle = given.cycles
+    resolved = np.isfinite(cycle.up[:, -1])
+    response, early = (mean(np.where(resolved, part, np.nan), resolved) for part in (cycle.response, cycle.up[:, -1]))
+    stimulus = np.where(np.isfinite(cycle.response), cycle.stimulus[:, None], np.nan)
+    found = []
+    for element in np.flatnonzero(np.isfinite(stimulus).any(axis=0)):
+        shares = cycle.at_limit[:, :, element]
+        for k, limit in enumerate((low[element], high[element])):
+            held = stimulus[shares[:, k] > HALF, element]
+            if mean(shares[:, k], np.isfinite(shares[:, k])) > HALF and (
+                early[element] >= SAME * response[element] or np.ptp(held) > ALIKE * given.full_scale
+            ):
+                found.append(limit)
+    if not found:
+        return ""
+    which = "the readings" if given.sensor.elements == 1 else f"the readings of {len(found)} of the elements"
+    return f"{which} are clipped at {found[0]:.4g}"
+
+
+def at_least(given: Known, found: Estimate) -> Estimate:
+    """Return a line as it is, or as a lower bound where readings are clipped."""
+    why = clipped(given) if found.told else ""
+    return found._replace(reason=why, bound="at least") if why else found
+
+
 def span(given: Known) -> Estimate:
     """Full-scale output: reading under the strongest presses less that at rest (ISA-S37.1).
 
@@ -103,11 +142,11 @@ def span(given: Known) -> Estimate:
     """
     if given.untold == NO_STIMULUS:
         highest = grasps(given.sensor).held.max(axis=1, keepdims=True)
-        return ratio_of_sums(highest, np.ones_like(highest), given.sensor.unit)
+        return at_least(given, ratio_of_sums(highest, np.ones_like(highest), given.sensor.unit))
     if given.untold:
         return cannot_tell(given.sensor.unit, given.untold)
     response = given.cycles.response
-    return ratio_of_sums(response, ones(response), given.sensor.unit)
+    return at_least(given, ratio_of_sums(response, ones(response), given.sensor.unit))
 
 
 def sensitivity(given: Known) -> Estimate:
@@ -118,7 +157,7 @@ def sensitivity(given: Known) -> Estimate:
     unit = f"{given.sensor.unit}/{given.sensor.stimulus or 'N'}"
     if given.untold:
         return cannot_tell(unit, given.untold)
-    return ratio_of_sums(given.cycles.response, given.cycles.stimulus[:, None], unit)
+    return at_least(given, ratio_of_sums(given.cycles.response, given.cycles.stimulus[:, None], unit))
 
 
 def non_linearity(given: Known) -> Estimate:
@@ -293,11 +332,19 @@ def signal_to_noise(given: Known) -> Estimate:
     signal, noises = span(given), [noise_at_rest(given), noise_pressed(given)]
     known = [line for line in noises if np.isfinite(line.value)]
     if not signal.value > 0 or not known:
-        return cannot_tell("dB", signal.reason or noises[-1].reason)
+        return cannot_tell("dB", noises[-1].reason if signal.value > 0 else signal.reason)
     disturbance = max(known, key=lambda line: line.value)
     ends = (signal.low, disturbance.high), (signal.high, disturbance.low), (signal.value, disturbance.value)
     low, high, value = (float(20 * np.log10(one / other)) for one, other in ends)
-    return Estimate(value, "dB", min(signal.n, disturbance.n), low, high, reason=disturbance.reason, bound="at least")
+    return Estimate(
+        value,
+        "dB",
+        min(signal.n, disturbance.n),
+        low,
+        high,
+        reason=signal.reason or disturbance.reason,
+        bound="at least",
+    )
 
 
 def crosstalk(given: Known) -> Estimate:

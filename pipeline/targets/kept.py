@@ -174,7 +174,7 @@ def summary(name: str, path: Path, log: Readings, said: Predicted, card: Card) -
         "recording": name,
         "log": str(path),
         "readings": len(log.time_s),
-        "seconds": round(float(log.time_s[-1] - log.time_s[0]), 3),
+        "seconds": round(float(schemas.steps(log.time_s).sum()), 3),
         "rejected_lines": dict(Counter(log.rejects["reason"].to_pylist())),
     }
     if card.classes:

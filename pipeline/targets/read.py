@@ -6,6 +6,7 @@ are stamped by one clock: nothing is known of a free target by which clocks coul
 
 import re
 from collections.abc import Iterator, Mapping
+from decimal import Decimal
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.experiments import glove, strain, strain_recorded, touch
-from pipeline.logs import layout, own_data, parse, sniff
+from pipeline.logs import alignment, layout, own_data, parse, sniff
 from pipeline.logs.formats import LOGS, Column, Format, second
 from pipeline.settings.targets import Asked, Split, Target
 from pipeline.sheet import cycles
@@ -24,12 +25,15 @@ from pipeline.sheet import cycles
 NO_GROUP = np.empty(0, dtype=str)
 PARTS = 5  # of a recording, or of the grasps of an object, where time divides
 LARGEST = 1e12  # of a target; a larger number is none
+LEAST, MOST = 0.1, 2.0  # of the time that the sensor's log lasts; a log beside it that lasts less or more is not of it
 FORMATS = {
     "touch": touch.array_format,
     "strain": lambda settings: strain.formats(settings)["daq.log"],
     "glove": glove.scanner_format,
 }
-NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
+# A number in a name: with a sign, or no 0 before its point, only where no letter or digit precedes: weight-100g is 100.
+# A comma is a decimal one, but 1,500 is two numbers, as nobody knows whether it is 1.5.
+NUMBER = re.compile(r"((?<![^\W_])[-+])?(\d+(\.\d+|,(?!\d{3}(?!\d))\d+)?|(?<![^\W_.])\.\d+)")
 RECORDED = {  # target of a public recording -> experiment and, of places, the column of y_mm
     "x": ("strain_recorded", 0),
     "y": ("strain_recorded", 1),
@@ -111,21 +115,21 @@ def truth_of(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the truth (n,) at the sensor's times, and where it is known (n,) bool.
 
-    Numbers are interpolated; a class or an event holds until the next line says another.
+    Numbers are interpolated, but for holes of the log, as of ground truth in ingest; a class or an event holds until
+    the next line says another.
     """
     if target.folder is not None:
         name = path.parts[-3 + target.folder]
         if target.kind == "class":
             return np.full(len(time_s), name), np.full(len(time_s), True)
-        if (number := NUMBER.search(name)) is None:
-            raise InputError(f"{path}: the folder '{name}' names no number for the target '{target.name}'; rename it")
-        return np.full(len(time_s), float(number[0])), np.full(len(time_s), True)
+        return np.full(len(time_s), number_in(name, path, target)), np.full(len(time_s), True)
     if segment[-1] > 0:
         raise InputError(
             f"{path / LOGS[experiment]}: its clock begins anew, so the times of {target.file} are not its own; divide "
             "the recording there"
         )
     at, values = column_of(path / target.file, target, experiment, settings)
+    check_lasts(path / target.file, at, experiment, settings, time_s)
     known = (time_s >= at[0]) & (time_s <= at[-1])
     if not known.any():
         raise InputError(
@@ -133,9 +137,31 @@ def truth_of(
             f"{time_s[-1]:g} s; stamp both by one clock, in one unit"
         )
     if target.kind == "continuous":
-        return np.interp(time_s, at, values), known
+        return alignment.interpolated(time_s, at, values)
     held = values[np.clip(np.searchsorted(at, time_s, side="right") - 1, 0, None)]
     return (held != 0) if target.kind == "event" else held, known
+
+
+def check_lasts(path: Path, at: np.ndarray, experiment: str, settings: Mapping, time_s: np.ndarray) -> None:
+    """Raise InputError for a log with lines at `at` (m,) that does not last about as long as the sensor's, `time_s`."""
+    lasts, sensor = float(np.ptp(at)), float(np.ptp(time_s))
+    if not LEAST * sensor <= lasts <= MOST * sensor:
+        unit = FORMATS[experiment](settings).columns[0].unit
+        raise InputError(
+            f"{path}: lasts {lasts:.6g} s, {LOGS[experiment]} {sensor:.6g} s; are the times of both in {unit}? Write "
+            "them so, or name the unit as time_unit in the log's format; if they are, both have to be of one recording"
+        )
+
+
+def number_in(name: str, path: Path, target: Target) -> float:
+    """Return the one number in the name of a folder; raise InputError for none and for several."""
+    numbers = [found[0] for found in NUMBER.finditer(name)]
+    if len(numbers) != 1:
+        names = f"names {len(numbers)} numbers ({' and '.join(numbers)})" if numbers else "names no number"
+        raise InputError(
+            f"{path}: the folder '{name}' {names} for the target '{target.name}'; rename it, with one number in it"
+        )
+    return float(numbers[0].replace(",", "."))
 
 
 def column_of(path: Path, target: Target, experiment: str, settings: Mapping) -> tuple[np.ndarray, np.ndarray]:
@@ -147,11 +173,11 @@ def column_of(path: Path, target: Target, experiment: str, settings: Mapping) ->
     if isinstance(target.column, int) and path.is_file():
         given.setdefault("width", sniff.columns_a_line(path, given.get("separator", ",")))
     rows, _ = log(path, fmt, experiment, settings, given)
-    if rows["segment"][-1].as_py() > 0:
-        raise InputError(f"{path}: its clock begins anew; divide the recording there")
+    strain.check_clock(path, rows)
     values = rows[target.name].to_numpy()
     if words is not None:
-        names = np.array([f"{float(word):g}" if layout.is_number(word) else word for word in words])
+        # Exact, because codes of 13 digits differ in their last; 3.0 is 3.
+        names = np.array([f"{Decimal(word).normalize():f}" if layout.is_number(word) else word for word in words])
         values = names[values.astype(int)]
     return rows[clock.name].to_numpy() / second(fmt), values
 
@@ -174,8 +200,14 @@ def votes(
     if target.kind != "class":
         return np.zeros(len(time_s), int)
     if experiment == "touch" and load_cell.exists() and settings["ingest"].get("clock") == "shared" and not segment[-1]:
-        rows, _ = log(load_cell, touch.LOAD_CELL, experiment, settings, layout.of(settings["ingest"], load_cell.name))
-        force = np.interp(time_s, rows["t_us"].to_numpy() / second(touch.LOAD_CELL), rows["fz_n"].to_numpy())
+        given = layout.of(settings["ingest"], load_cell.name)
+        rows, rejects = log(load_cell, touch.LOAD_CELL, experiment, settings, given)
+        strain.check_clock(load_cell, rows)
+        rows, _ = touch.without_spikes(load_cell, rows, rejects)
+        at = rows["t_us"].to_numpy() / second(touch.LOAD_CELL)
+        check_lasts(load_cell, at, experiment, settings, time_s)
+        force, known = alignment.interpolated(time_s, at, rows["fz_n"].to_numpy())
+        force[~known] = 0.0
         found = cycles.presses(time_s, force, cycles.REST * force.max(), cycles.BRIEFEST_S)
         number = np.full(len(time_s), -1)
         for k, press in enumerate(found):
@@ -204,7 +236,10 @@ def grouped(series: Series, split: Split, folder: Path) -> Series:
 
 
 def said(data: Data) -> Iterator[str]:
-    """Yield a line for each group: recordings, readings that count, and what the target is in them."""
+    """Yield a line for each group: recordings, readings that count, what the target is in them, and what is left out.
+
+    data: of a sensor of one's own.
+    """
     for group in sorted({name for each in data.series for name in np.unique(each.group)}):
         chosen = [each for each in data.series if (each.group == group).any()]
         truth = np.concatenate([each.truth[(each.group == group) & (each.press >= 0)] for each in chosen])
@@ -213,8 +248,28 @@ def said(data: Data) -> Iterator[str]:
         else:
             counts = zip(*np.unique(truth, return_counts=True), strict=True)
             what = ", ".join(f"{name} {count}" for name, count in counts)
+        left_out = sum(int(((each.group == group) & (each.press < 0)).sum()) for each in chosen)
+        if left_out and data.target.kind != "class":  # readings between presses do not count for a class, either
+            what += f"; {left_out} more are left out, as {data.target.file} tells nothing there"
         recordings = "1 recording" if len(chosen) == 1 else f"{len(chosen)} recordings"
         yield f"{group}: {recordings}, {len(truth)} readings; {data.target.name}: {what}"
+
+
+def lacking(data: Data, folder: Path) -> Iterator[str]:
+    """Yield problems: groups of which no reading counts, and a target that is the same throughout."""
+    target = data.target
+    where = f"<{target.folder}> of the paths" if target.file is None else f"column {target.column} of {target.file}"
+    counted = {name for each in data.series for name in np.unique(each.group[each.press >= 0])}
+    for each in data.series:
+        for group in np.unique(each.group):
+            if group not in counted:
+                yield (
+                    f"{folder / each.name}: no reading of the {data.by} '{group}' counts, for want of a press or of a "
+                    "truth; record it again, or remove it"
+                )
+    truth = np.unique(np.concatenate([each.truth[each.press >= 0] for each in data.series]))
+    if len(truth) == 1:
+        yield f"{folder}: the target '{target.name}' is {truth[0]} throughout, by {where}; record the other case, too"
 
 
 def recorded(name: str, folder: Path, settings: Mapping) -> Data:

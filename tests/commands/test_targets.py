@@ -45,6 +45,16 @@ def test_the_first_thing_to_fix_is_said(workspace, monkeypatch, capsys):
         called(monkeypatch, capsys, workspace, "check", folder)
 
 
+@pytest.mark.parametrize("command", ["check", "try"])
+def test_times_of_both_logs_in_milliseconds_are_said(command, workspace, monkeypatch, capsys):
+    folder = free_targets.angles(workspace.root / "data" / "own" / "joint", people=("anna",), seconds=30.0)
+    for path in folder.rglob("*.log"):
+        rows = [line.partition(",") for line in path.read_text().splitlines()]
+        path.write_text("".join(f"{1000 * float(at):.0f},{rest}\n" for at, _, rest in rows))
+    with pytest.raises(SystemExit, match="fix first: .*daq.log: 0.01 lines per second; .* Divide milliseconds by 1000"):
+        called(monkeypatch, capsys, workspace, command, folder)
+
+
 def trained(monkeypatch, capsys, workspace, folder):
     """Return the folder of the model that a quick look keeps."""
     monkeypatch.setattr(targets, "LOOK", Effort(300, 10))
@@ -59,6 +69,8 @@ def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, tm
     model = trained(monkeypatch, capsys, workspace, free_targets.angles(workspace.root / "data" / "own" / "joint"))
     logs = free_targets.angles(tmp_path / "new", people=("dora", "emil"), seconds=20.0) / "bend"
     (logs / "dora_1" / "arm.log").unlink()
+    log = logs / "dora_1" / "daq.log"
+    log.write_text(f"{log.read_text()}restarted\n{log.read_text()}")
     called(monkeypatch, capsys, workspace, "predict", model, logs)
     out = workspace.root / "predictions" / "bend"
     table = pq.read_table(out / "predictions.parquet").to_pandas()
@@ -68,6 +80,7 @@ def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, tm
     assert len(one) == 200 and np.sqrt(np.mean((one["predicted"] - angle) ** 2)) < 9
     assert np.mean((one["low"] <= angle) & (angle <= one["high"])) > 0.8
     assert np.ptp(one["high"] - one["low"]) < 1e-9 and (one["high"] - one["low"]).iloc[0] < 20
+    assert [each["seconds"] for each in summary["recordings"]] == pytest.approx([19.9, 39.8, 19.9, 19.9])
     scores = {each["recording"]: each.get("scores") for each in summary["recordings"]}
     assert scores["dora_1"] is None and scores["dora_0"]["R2"] > 0.9 and scores["emil_0"]["coverage"] > 0.8
     card = json.loads((model / "target.json").read_text())

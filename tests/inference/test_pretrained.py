@@ -279,6 +279,20 @@ def test_a_bad_log_among_others_is_listed_and_the_others_are_predicted(workspace
         predicted(workspace, bad, tmp_path / "other")
 
 
+def test_a_restart_is_no_time_and_a_series_is_not_read_over_one(workspace, undrawn, tmp_path):
+    """Of an array nothing is interpolated over it; of strands, times that do not rise would hide a part of the log."""
+    log = write_log(tmp_path / "array" / "array.log")
+    log.write_text(f"{log.read_text()}ready\n{log.read_text()}")
+    predicted(workspace, log, tmp_path / "out")
+    (said,) = json.loads((tmp_path / "out" / "summary.json").read_text())["recordings"]
+    assert (said["readings"], said["seconds"], said["readings_per_second"]) == (2 * LINES, 2 * 0.78, 50.0)
+    for later_s in (-60.0, -30.0):  # the device restarted, its clock was set
+        lines = [f"{0.2 * k + later_s * (k >= 300):.1f}," + ",".join([f"{2.5 + k / 1000:.3f}"] * 6) for k in range(600)]
+        (tmp_path / "daq.log").write_text("\n".join(lines) + "\n")
+        with pytest.raises(InputError, match="daq.log: the time steps back for good in line 301; .* divide the rec"):
+            recordings.read(tmp_path / "daq.log", "run", cards.read(STRAIN))
+
+
 def test_a_program_gets_the_summary_as_json(workspace, undrawn, tmp_path, monkeypatch):
     answers = []
     monkeypatch.setattr(arguments, "answer", lambda given, result: answers.append(result))

@@ -47,6 +47,23 @@ def test_the_sign_of_a_reading_that_falls_when_pressed_does_not_matter():
         assert falling[name].value == pytest.approx(rising[name].value), name
 
 
+@pytest.mark.parametrize("peaks", [(20.0,), (20.0, 17.0)])
+def test_readings_that_are_clipped_bound_the_span(peaks):
+    """Of equal presses and of unlike ones; a reading without noise, which no two presses change, is not clipped."""
+    time, force = made.force(20, peaks)
+    reading, noisy = made.reading(time, force), made.reading(time, force, noise=0.5)
+    limit = reading.max() - 0.3 * np.ptp(reading)
+    clipped, falls, whole = (
+        quantities.sheet(made.sensor(time, force, part)).lines
+        for part in (np.minimum(noisy, limit), 900 - np.minimum(noisy, limit), reading)
+    )
+    for name in ("span", "sensitivity", "signal to noise"):
+        for found, at in ((clipped, limit), (falls, 900 - limit)):
+            assert found[name].bound == "at least" and found[name].reason == f"the readings are clipped at {at:.4g}"
+        assert "clipped" not in whole[name].reason
+    assert clipped["span"].value < 0.8 * whole["span"].value and whole["span"].told
+
+
 def test_creep_is_that_after_the_stimulus_has_settled():
     found = lines(presses=10, ramp_s=0.05, hold_s=13.0, rest_s=20.0, creep=0.1, creep_s=2.0)
     begins = 1 + 0.1 * (1 - np.exp(-0.15 / 2))  # the middle of the ramp is 0.05 s before the hold settles, and so on

@@ -201,6 +201,103 @@ def test_classes_are_words_of_a_column(tmp_path, column):
     assert np.unique(one.press[one.press >= 0], return_counts=True)[1].tolist() == [10, 10, 10]
 
 
+def test_no_angle_is_made_up_where_its_log_is_silent(tmp_path):
+    folder = free_targets.angles(tmp_path / "joint", people=("anna",), seconds=12.0)
+    arm = folder / "bend" / "anna_0" / "arm.log"
+    lines = [line for line in arm.read_text().splitlines() if not 4 < float(line.split(",")[0]) < 8]
+    arm.write_text("\n".join(lines) + "\n")
+    found = data("strain", folder)
+    one = found.series[0]
+    within = one.time_s[(one.press < 0) & (one.time_s > 1) & (one.time_s < 11)]
+    assert len(within) > 35 and 3.8 < within[0] < 4.2 and 7.8 < within[-1] < 8.2
+    (said,) = read.said(found)
+    left_out = sum((each.press < 0).sum() for each in found.series)
+    assert said.endswith(f" deg; {left_out} more are left out, as arm.log tells nothing there")
+
+
+NAMES = {"200g": 200, "weight-100g": 100, "-5N": -5, "load_-5": -5, "1,5N": 1.5, "2.25 mm": 2.25, ".5N": 0.5, "x 7": 7}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_number_in_the_name_of_a_folder(name, tmp_path):
+    target = read.Target(name="load", kind="continuous", unit="N", folder=1)
+    assert read.number_in(name, tmp_path, target) == NAMES[name]
+    for several in (f"tip5_{name}", "1,500g", "10-20"):
+        with pytest.raises(InputError, match=f"the folder '{several}' names 2 numbers .* for the target 'load'"):
+            read.number_in(several, tmp_path, target)
+
+
+def test_what_makes_no_target_is_said(tmp_path):
+    target = {"name": "load", "kind": "continuous", "unit": "g", "folder": 1}
+    folder = free_targets.angles(tmp_path / "joint", ("anna", "ben"), 3.0, target=target)
+    (folder / "bend").rename(folder / "tip5")
+    assert [*read.lacking(data("strain", folder), folder)] == [
+        f"{folder}: the target 'load' is 5.0 throughout, by <1> of the paths; record the other case, too"
+    ]
+    found = data("strain", free_targets.angles(tmp_path / "bend", ("anna", "ben"), 3.0))
+    assert not [*read.lacking(found, folder)]
+    found.series[-1].press[:] = -1
+    assert not [*read.lacking(found, folder)], "the other recording of ben counts"
+    found.series[-2].press[:] = -1
+    assert [*read.lacking(found, folder)][0] == (
+        f"{folder}/bend/ben_0: no reading of the person 'ben' counts, for want of a press or of a truth; record it "
+        "again, or remove it"
+    )
+
+
+@pytest.mark.parametrize("fault", ["", "a spike", "a first line too near", "a pause of the load cell"])
+def test_presses_vote_whatever_single_lines_say(tmp_path, fault):
+    """Three presses of 20 N, of 1 s each, 3 s apart; the load cell prints 10 lines a second."""
+    run = tmp_path / "foam" / "run"
+    run.mkdir(parents=True)
+    at = np.round(np.arange(0, 10, 0.01) * 1e6).astype(int)
+    force = np.where((at / 1e6 % 3 > 1) & (at / 1e6 % 3 < 2), 20.0, 0.0)
+    cell = [f"{t},{f:.2f}" for t, f in zip(at[::10], force[::10], strict=True)]
+    if fault == "a spike":
+        cell[6] = f"{at[60]},400.00"
+    if fault == "a first line too near":
+        at[0] = at[1] - 100
+    if fault == "a pause of the load cell":
+        cell = [line for line in cell if not 42 <= int(line.split(",")[0]) / 1e5 <= 48]  # within the second press
+    (run / "array.log").write_text("".join(f"{t},{30 + 20 * f:.0f}\n" for t, f in zip(at, force, strict=True)))
+    (run / "load_cell.log").write_text("\n".join(cell) + "\n")
+    settings = VALUES["touch"] | {"sensor": VALUES["touch"]["sensor"] | {"rows": 1, "cols": 1}}
+    settings["ingest"] = settings["ingest"] | {"clock": "shared"}
+    asked = own_settings.Asked.model_validate(
+        {"target": {"name": "material", "kind": "class", "folder": 1}, "split": {"by": "recording"}}
+    )
+    (one,) = read.own("touch", tmp_path, settings, asked).series
+    held = np.isin(one.press, np.unique(one.press)[1:])
+    assert (force[held] > 0).mean() > 0.9 and held.sum() == pytest.approx(205 if "pause" in fault else 285, abs=5)
+    assert len(np.unique(one.press)) == 4 + ("pause" in fault), "nobody knows whether one went on"
+    (run / "array.log").write_text("0,30\n")
+    (run / "load_cell.log").write_text("0,0.1\n")
+    (one,) = read.own("touch", tmp_path, settings, asked).series
+    assert one.press.tolist() == [-1]
+
+
+@pytest.mark.parametrize("log", ["daq.log", "arm.log"])
+def test_a_truth_in_another_unit_of_time_is_refused(log, tmp_path):
+    folder = free_targets.angles(tmp_path / "joint", people=("anna",), seconds=30.0)
+    path = folder / "bend" / "anna_0" / log
+    rows = [line.partition(",") for line in path.read_text().splitlines()]
+    path.write_text("".join(f"{1000 * float(at):.0f},{rest}\n" for at, _, rest in rows))
+    words = {"daq.log": "lasts 29.2 s, daq.log 29900 s", "arm.log": "lasts 29200 s, daq.log 29.9 s"}[log]
+    with pytest.raises(InputError, match=f"arm.log: {words}; are the times of both in s"):
+        data("strain", folder)
+
+
+def test_codes_that_differ_in_their_last_digit_are_two_classes(tmp_path):
+    folder = free_targets.angles(tmp_path / "joint", people=("anna",), seconds=3.0)
+    target = {"name": "part", "kind": "class", "file": "seen.log", "column": 2}
+    free_targets.settings(folder, free_targets.STRAIN, target, free_targets.PERSON)
+    for run in range(2):
+        seen = folder / "bend" / f"anna_{run}" / "seen.log"
+        seen.write_text("0.0,4006381333931\n1.5,4006381333948\n2.9,4006381333931\n")
+    one = data("strain", folder).series[0]
+    assert np.unique(one.truth).tolist() == ["4006381333931", "4006381333948"]
+
+
 def test_a_log_of_another_clock_is_refused(tmp_path):
     folder = free_targets.angles(tmp_path / "joint", people=("anna",), seconds=3.0)
     arm = folder / "bend" / "anna_0" / "arm.log"
