@@ -54,6 +54,7 @@ LEAST_RIGHT = 0.6  # share of firm contacts in which the pressed element is the 
 FEW_TESTS = 50  # rows
 OFTEN = 0.05  # share of a log's lines that have a gap before them
 SLOW_HZ = 25  # a touch device that is slower cannot be aligned to a press's rise of 0.1 s
+TARED = 0.03  # of the highest force, the most that a load cell shows at rest; recorded ones have 0.017, simulated 0.009
 STUCK = 0.05  # share of the time without a press in which an element is high; simulated arrays have 0
 FEW = 3  # firm contacts that tell which column answers at one place
 ORDER = "row by row from the bottom row, each from left to right"
@@ -223,8 +224,14 @@ def conventions(path: Path, log: own_logs.Log, settings: Mapping) -> Iterator[st
         force = log.rows["fz_n"].to_numpy()
         low, rest, high = np.percentile(force, [0.5, 10, 99.5])
         threshold = settings["window"]["contact_threshold_n"]
+        tared = max(TARED * max(high - rest, threshold), 2 * (rest - low))  # beyond the noise, too
         if -low > high:
             yield f"{path}: {touch.PULLED}"
+        elif rest <= threshold and abs(rest) > min(threshold, tared):
+            yield (
+                f"{path}: fz_n rests at {rest:.2g} N, not at 0, so that every force is {abs(rest):.2g} N too "
+                f"{'high' if rest > 0 else 'low'}; subtract what the load cell shows at rest"
+            )
         elif rest > threshold:
             yield (
                 f"{path}: fz_n rests at {rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "

@@ -3,6 +3,7 @@
 import argparse
 import errno
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -113,6 +114,18 @@ def test_what_is_in_another_unit_keeps_its_sentence_beside_the_block(workspace, 
     first, block = checked(workspace, "touch", grams, capsys)
     assert "write newtons" in first and first.endswith(f"; or {own_logs.PASTE}")
     assert block["touch.ingest.format"] == {"load_cell.log": {"scale": 0.00981, "separator": ","}}
+
+
+@pytest.mark.parametrize(("shift", "said"), [(-5, "-5 N, not at 0.*5 N too low"), (-1.1, "too low"), (1.1, "too high")])
+def test_a_load_cell_that_is_not_tared_is_named_on_both_sides_of_zero(
+    workspace, touch_logs, tmp_path, capsys, shift, said
+):
+    def shifted(lines):
+        whole = re.compile(r"(\d+),(-?\d+\.\d{3})")
+        return [f"{m[1]},{float(m[2]) + shift:.3f}" if (m := whole.fullmatch(line)) else line for line in lines]
+
+    first, _ = checked(workspace, "touch", edited(touch_logs, tmp_path / "logs", load_cell=shifted), capsys)
+    assert re.search(rf"load_cell.log: fz_n rests at .*{said}; subtract what the load cell shows at rest", first)
 
 
 @pytest.mark.parametrize(("volt", "rest"), [(3.3, 0.0), (1.0, 0.02)])
