@@ -33,6 +33,7 @@ class Found(NamedTuple):
     table: str
     text: Path
     proposal: Proposal
+    sure: bool  # the name of the table or of its columns says so
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,19 +58,27 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             place = Path(draft, str(number))
             place.mkdir()
             texts |= tables.text_of(path, place)
-        found = {}
-        for name, fmt in check.formats(experiment, folder, settings).items():
-            known = origin.get(name)
-            one = _told(texts, name, known, folder) if known else _sniffed(experiment, name, fmt, texts, settings)
-            if one is None:
+        formats, ways, refused = check.formats(experiment, folder, settings), {}, {}
+        for name, fmt in formats.items():
+            if known := origin.get(name):
+                ways[name] = [_told(texts, name, known, folder)]
+            else:
+                ways[name], refused[name] = _sniffed(experiment, name, fmt, texts, settings)
+        found = _assigned(ways)
+        for name, fmt in formats.items():
+            if name not in found:
+                if refused[name] and name == LOGS[experiment]:
+                    raise InputError("\n".join(refused[name]))
+                for reason in refused[name] or [f"not found in {', '.join(texts)}, as columns of {fmt.shown}"]:
+                    print(f"{name}: {reason}")
                 continue
+            one = found[name]
             if given.rate_hz and "rate_hz" in one.proposal.layout:
                 one.proposal.layout["rate_hz"] = given.rate_hz
             if one.proposal.layout.get("rate_hz", 0) is None:
                 raise InputError(f"{one.table}: has no times; say by --rate-hz how many rows a second there are")
-            if (folder / name).exists() and not known:
+            if (folder / name).exists() and name not in origin:
                 raise InputError(f"{folder / name}: exists already, and {ORIGIN} does not say that it was imported")
-            found[name] = one
         if not found:
             raise InputError(
                 f"{given.files[0]}: no column of it is known, or there are not as many readings as {experiment}.sensor "
@@ -78,33 +87,45 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             )
         folder.mkdir(parents=True, exist_ok=True)
         for name, one in found.items():
-            _write(folder / name, one, check.formats(experiment, folder, settings)[name])
+            _write(folder / name, one, formats[name])
     _write_origin(folder / ORIGIN, given.files, found)
     if len(found) > 1 and len({one.table for one in found.values()}) == 1 and "clock" in settings["ingest"]:
         print(f"the logs have one time: write {experiment}.ingest.clock: shared into {sensor / own_settings.FILE}")
     print(f"next: `tactile check {sensor if folder.is_absolute() else folder.parent.parent}`")
 
 
-def _sniffed(experiment: str, name: str, fmt: Format, texts: Mapping[str, Path], settings: Mapping) -> Found | None:
-    """Return how a log can be made from one of the tables: one called as it, else the one with the fewest guesses.
+def _sniffed(
+    experiment: str, name: str, fmt: Format, texts: Mapping[str, Path], settings: Mapping
+) -> tuple[list[Found], list[str]]:
+    """Return how a log can be made from the tables, the likeliest first, and why it cannot be from others.
 
-    None where no table holds it, and the reason is printed; InputError where it is the log of the sensor.
+    First are tables that are called as the log, then those that name its columns, then those with the fewest guesses.
     """
     ways, refused = [], []
     for table, text in texts.items():
         proposal = own_logs.proposed(experiment, text, fmt, settings, None)
         if isinstance(proposal, Proposal):
             called = Path(table).stem == Path(name).stem
-            ways.append((not called, len(proposal.guesses), len(ways), Found(table, text, proposal)))
+            found = Found(table, text, proposal, called or proposal.named)
+            ways.append((not called, not proposal.named, len(proposal.guesses), len(ways), found))
         elif isinstance(proposal, str):
             refused.append(proposal.replace(str(text), table))
-    if ways:
-        return min(ways)[-1]
-    if refused and name == LOGS[experiment]:
-        raise InputError("\n".join(refused))
-    for reason in refused or [f"not found in {', '.join(texts)}, as columns of {fmt.shown}"]:
-        print(f"{name}: {reason}")
-    return None
+    return [found for *_, found in sorted(ways)], refused
+
+
+def _assigned(ways: Mapping[str, list[Found]]) -> dict[str, Found]:
+    """Return log -> where its lines come from: first for logs whose table says so, and no column for two of them.
+
+    ways: log -> tables that it can be made from, the likeliest first. A sensor must not become its own truth.
+    """
+    found: dict[str, Found] = {}
+    for name in sorted(ways, key=lambda name: not (ways[name] and ways[name][0].sure)):
+        taken = [(one.table, one.proposal.layout.get("columns")) for one in found.values()]
+        left = [one for one in ways[name] if (one.table, one.proposal.layout.get("columns")) not in taken]
+        if left and len(ways[name]) > 1 and not left[0].sure:
+            left[0].proposal.guesses.append(f"that it is in {left[0].table}, whose columns have other names or none")
+        found |= {name: left[0]} if left else {}
+    return {name: found[name] for name in ways if name in found}
 
 
 def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path) -> Found:
@@ -113,7 +134,7 @@ def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path) ->
     if table not in texts:
         raise InputError(f"{folder / ORIGIN}: {FROM} is '{table}', but the files are {', '.join(texts)}")
     params.check_block(described, layout.Layout, name, {name: str(folder / ORIGIN)})
-    return Found(table, texts[table], Proposal(described, []))
+    return Found(table, texts[table], Proposal(described, []), True)
 
 
 def _write(path: Path, found: Found, fmt: Format) -> None:

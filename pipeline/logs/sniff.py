@@ -58,6 +58,7 @@ class Proposal(NamedTuple):
     layout: dict  # for the settings; `rate_hz` is None where the log tells none
     guesses: list[str]
     said: tuple[str, ...] = ()  # what the header says of units
+    named: bool = False  # the names of the columns say that they are the wanted ones
 
 
 class _Table(NamedTuple):
@@ -239,10 +240,10 @@ def _of_rows(lines: list[str], fmt: Format, common: dict, timed: bool) -> Propos
     if not timed:
         exact = [table for table in tables if len(table.numeric) == table.width == readings]
         if exact:
-            return _finished(exact[0], fmt, common, None, list(range(readings)), lines, [])
+            return _in_order(exact[0], fmt, common, lines, timed)
     for table in tables:
         if timed and len(table.numeric) == table.width == readings + 1:
-            return _in_order(table, fmt, common, lines)
+            return _in_order(table, fmt, common, lines, timed)
     for table in tables:
         if len(table.numeric) == table.width == readings and _time(table, None, strict=True) is None:
             return _without_time(table, fmt, common, lines)
@@ -273,22 +274,26 @@ def _time(table: _Table, names: list[str] | None, strict: bool = False, index: b
     return min(rising)[-1] if rising else None
 
 
-def _in_order(table: _Table, fmt: Format, common: dict, lines: list[str]) -> Proposal | None:
+def _in_order(table: _Table, fmt: Format, common: dict, lines: list[str], timed: bool) -> Proposal | None:
     """Return how lines can be read that have as many columns as are wanted: in their order, unless a header says other.
 
     A header of which no name is known is taken for one of the usual order, which is a guess.
     """
     names = _names(table, lines) if table.separator != layout.TEXT else None
-    time, guesses = _time(table, names), []
+    time, guesses = _time(table, names) if timed else None, []
     readings = [column.name for column in fmt.columns if column.name != fmt.time]
-    if names is not None and time is not None:
+    if names is not None and (time is not None or not timed):
         left = [place for place in range(table.width) if place != time]
         named = _by_name(names, left, readings)
         if named is not None and named[0] != left:
-            return _chosen(table, fmt, common, lines, timed=True)
+            return _chosen(table, fmt, common, lines, timed)
         if named is None and len(readings) > 1:
             listed = ", ".join([names[left[0]], "...", names[left[-1]]])
             guesses = [f"that {listed} are {readings[0]}, ..., {readings[-1]}, in this order"]
+        elif named is None:
+            guesses = [f"that '{names[left[0]]}' is {readings[0]}"]
+        found = _finished(table, fmt, common, time, None, lines, guesses)
+        return found and found._replace(named=named is not None)
     return _finished(table, fmt, common, time, None, lines, guesses)
 
 
@@ -319,6 +324,7 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
         return None
     left = [place for place in table.numeric if place != time]
     places, guesses = (_by_name(names, left, readings) if names is not None else None) or (None, [])
+    named = places is not None
     if places is None:
         counts = [place for place in left if len(table.values) > 2 and (np.diff(table.values[:, place]) == 1).all()]
         left = [place for place in left if place not in counts]
@@ -335,7 +341,7 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
         run = places == list(range(places[0], places[-1] + 1)) and len(places) > 4
         chosen = [names[place] for place in places]
         found.layout["columns"] = f"{chosen[0]}..{chosen[-1]}" if run else chosen
-    return found
+    return found._replace(named=named)
 
 
 def _names(table: _Table, lines: list[str]) -> list[str] | None:

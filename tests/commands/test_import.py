@@ -211,3 +211,40 @@ def test_of_several_files_a_refused_unit_is_named(run0, tmp_path, capsys):
     said = capsys.readouterr().out
     assert f"load_cell.log: {cell}: line 1 names the column 'Force (kPa)'" in said
     assert "load_cell.log: not found" not in said and "cnc.log: not found in " in said
+
+
+@pytest.mark.parametrize("first", ["skin", "cell"])
+@pytest.mark.parametrize("stamp", [lambda t: t, lambda t: f"12:00:{t:09.6f}"], ids=["seconds", "time of day"])
+def test_a_sensor_is_not_its_own_truth(first, stamp, tmp_path, capsys):
+    """Of two files of one column each, the one whose column is called so is the load cell's; the other is a guess."""
+    sensor = tmp_path / "taxel"
+    sensor.mkdir()
+    one = {"touch.sensor": SENSOR["touch.sensor"] | {"rows": 1, "cols": 1}}
+    (sensor / "settings.yaml").write_text(yaml.safe_dump(one | {"touch.label.map_rows": 1, "touch.label.map_cols": 1}))
+    times = list(map(stamp, T))
+    pd.DataFrame({"Time": times, "Reading": COUNTS[:, 0]}).to_csv(tmp_path / "skin.csv", index=False)
+    pd.DataFrame({"Time": times, "Force": FORCE}).to_csv(tmp_path / "cell.csv", index=False)
+    both = sorted((tmp_path / "skin.csv", tmp_path / "cell.csv"), key=lambda path: path.stem != first)
+    imported(*both, sensor / "single" / "run0", "--of", "touch")
+    assert "guessed: that 'Reading' is v0" in capsys.readouterr().out
+    fmt = touch.array_format({"sensor": {"rows": 1, "cols": 1}, "ingest": {"highest_count": 1023}})
+    counts = parse.read_log(sensor / "single" / "run0" / "array.log", fmt)[0]
+    assert np.array_equal(matrix(counts)[:, 0], COUNTS[:, 0])
+    assert matrix(logs_of_cell(sensor / "single" / "run0"))[:, 0] == pytest.approx(FORCE)
+    imported(tmp_path / "skin.csv", sensor / "single" / "run1", "--of", "touch")
+    assert "load_cell.log: not found in" in capsys.readouterr().out
+    assert not (sensor / "single" / "run1" / "load_cell.log").exists()
+
+
+def test_places_are_from_the_file_that_names_them(tmp_path):
+    sensor = tmp_path / "skin"
+    sensor.mkdir()
+    settings = {"strain.sensor.channels": 2, "strain.sensor.tasks": {"press": ["z"]}}
+    (sensor / "settings.yaml").write_text(yaml.safe_dump(settings))
+    columns = {"daq": {"u0": X / 10, "u1": Y / 10}, "cell": {"Force": FORCE}, "arm": {"Z": Z}}
+    for name, of_device in columns.items():
+        pd.DataFrame({"Time": T} | of_device).to_csv(tmp_path / f"{name}.csv", index=False)
+    imported(*(tmp_path / f"{name}.csv" for name in columns), sensor / "press" / "run0", "--of", "strain")
+    fmt = strain.formats({"sensor": {"channels": 2, "tasks": {"press": ["z"]}}})["robot.log"]
+    robot = parse.read_log(sensor / "press" / "run0" / "robot.log", fmt)[0]
+    assert robot["z_mm"].to_numpy() == pytest.approx(Z)
