@@ -639,8 +639,11 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
     problems = [f"{folder}: {problem}" for problem in ranges.problems] + problems
     if copies := own_data.copied(recordings, LOGS[experiment]):
         problems.append(f"{folder}: {copies}")
+    unlike = own_logs.unlike_gains(recordings)
+    if experiment != "strain" and LOGS[experiment] in unlike:  # counts have no unit that could differ
+        problems.append(unlike.pop(LOGS[experiment]))
     print(f"\n{folder}: {len(usable)} of {len(read)} recordings can be used")
-    said = still(experiment, read) + rates(experiment, read) + ranges.findings
+    said = still(experiment, read) + rates(experiment, read) + ranges.findings + list(unlike.values())
     if usable:
         rows, findings, wrong = whole(experiment, usable, settings)
         said, problems = said + findings, problems + wrong + unfit(experiment, settings)

@@ -12,18 +12,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import check
-from pipeline.logs import layout
+from pipeline.logs import layout, parse
 from pipeline.logs.formats import LOGS, Format
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
 from pipeline.own import tables
+from pipeline.own.logs import ORIGIN
 
-ORIGIN = "origin.yaml"
+FEWEST = 20  # counts that readings span at the gain of another recording; fewer are in another unit
 FROM = "from"  # key of a log's block in it: the table
 
 
@@ -51,7 +54,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     sensor = folder.absolute().parents[1] if len(folder.absolute().parents) > 2 else folder
     experiment = given.of or check.experiment_of(sensor)
     settings = own_settings.of_logs(workspace, experiment, sensor)[experiment]
-    origin = _read(folder / ORIGIN)
+    origin, gains = own_logs.imported(folder), _gains_beside(sensor, folder, LOGS[experiment])
     with tempfile.TemporaryDirectory() as draft:
         texts = {}
         for number, path in enumerate(given.files):
@@ -65,6 +68,8 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             else:
                 ways[name], refused[name] = _sniffed(experiment, name, fmt, texts, settings)
         found = _assigned(ways)
+        if (name := LOGS[experiment]) in found and name not in origin and gains:
+            _take_gain(found[name], formats[name], gains, settings["ingest"]["max_reject_fraction"])
         for name, fmt in formats.items():
             if name not in found:
                 if refused[name] and name == LOGS[experiment]:
@@ -128,6 +133,39 @@ def _assigned(ways: Mapping[str, list[Found]]) -> dict[str, Found]:
     return {name: found[name] for name in ways if name in found}
 
 
+def _gains_beside(sensor: Path, folder: Path, name: str) -> dict[Path, dict]:
+    """Return origin.yaml -> scale and offset of a log in the other recordings of a sensor that were imported."""
+    others = (path for path in sorted(sensor.glob(f"*/*/{ORIGIN}")) if path.parent.absolute() != folder.absolute())
+    blocks = ((path, own_logs.imported(path.parent).get(name)) for path in others)
+    return {path: own_logs.gain(block) for path, block in blocks if block is not None}
+
+
+def _take_gain(one: Found, fmt: Format, gains: Mapping[Path, Mapping], limit: float) -> None:
+    """Give counts the scale and offset that those of another recording have, so that a count is worth the same in both.
+
+    gains: origin.yaml -> scale and offset; limit: share of rows that may be out of the counts' range then. Raises
+    InputError where the readings do not fit.
+    """
+    (place, gain), layout_of = next(iter(gains.items())), one.proposal.layout
+    if not all(column.integer for column in fmt.columns) or own_logs.gain(layout_of) == gain:
+        return
+    layout_of |= gain
+    try:
+        rows, rejects = parse.read_log(one.text, fmt, layout=own_logs.trial(one.proposal))
+        counts = np.column_stack([rows[column.name].to_numpy() for column in fmt.columns if column.name != fmt.time])
+        fits = rejects.num_rows <= limit * (len(counts) + rejects.num_rows) and np.ptp(counts) >= FEWEST
+    except InputError:
+        fits = False
+    if not fits:
+        raise InputError(
+            f"{one.table}: readings are no counts of 0 to {fmt.columns[-1].high:g} at the scale and offset of {place} "
+            f"({own_logs.on_a_line(gain)}), and one reading must not mean two; write a scale there that fits all "
+            "recordings and import that again first, or the readings of all files in one unit"
+        )
+    kept = [guess for guess in one.proposal.guesses if not guess.startswith(own_logs.ROUNDED)]
+    one.proposal.guesses[:] = [*kept, f"{own_logs.ROUNDED} at the scale and offset of {place}"]
+
+
 def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path) -> Found:
     """Return what origin.yaml says of a log."""
     table, described = block.get(FROM), {key: value for key, value in block.items() if key != FROM}
@@ -154,17 +192,6 @@ def _write(path: Path, found: Found, fmt: Format) -> None:
         print(f"  {sentence}")
     for guess in found.proposal.guesses:
         print(f"  guessed: {guess}")
-
-
-def _read(path: Path) -> dict:
-    """Return log -> its block of origin.yaml; {} where there is none."""
-    if not path.is_file():
-        return {}
-    value = params.parsed(path)
-    logs = value.get("logs") if isinstance(value, dict) else None
-    if not isinstance(logs, dict) or not all(isinstance(block, dict) for block in logs.values()):
-        raise InputError(f"{path}: expected `logs:` with a block for each log; fix it, or remove it to guess anew")
-    return logs
 
 
 def _write_origin(path: Path, sources: list[Path], found: Mapping[str, Found]) -> None:

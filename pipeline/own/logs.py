@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 from ruamel.yaml import YAML
 
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import images
 from pipeline.experiments import glove, touch
@@ -26,6 +27,8 @@ DIM = 0.25  # of the range of an area; images of readings that reach no further 
 MARGIN = 1.1  # of the largest reading, where that is no converter's
 RARE = 0.01  # of the frames, whose extremes are noise
 STEPS = [step * 10.0**power for power in range(-4, 7) for step in (1, 2, 5) if (step, power) != (1, 0)]  # of a scale
+ROUNDED = "that readings may be rounded"
+ORIGIN = "origin.yaml"  # beside logs that were imported: what each was made from
 BITS = (1023, 4095, 16383, 65535)  # largest counts of converters
 
 
@@ -97,10 +100,41 @@ def whole(path: Path, fmt: parse.Format, found: Proposal, limit: float) -> Propo
     laid_out = found.layout | {"scale": int(scale) if scale >= 1 else scale}
     if low < 0:
         laid_out["offset"] = int(np.ceil(-low * scale))
-    said = (
-        f"that readings may be rounded once they are multiplied by {scale:g}, and are counts of 0 to {highest:g} then"
-    )
+    said = f"{ROUNDED} once they are multiplied by {scale:g}, and are counts of 0 to {highest:g} then"
     return found._replace(layout=laid_out, guesses=[*found.guesses, said])
+
+
+def imported(folder: Path) -> dict:
+    """Return log -> its block of a recording's origin.yaml; {} where there is none, InputError for another text."""
+    path = folder / ORIGIN
+    if not path.is_file():
+        return {}
+    value = params.parsed(path)
+    logs = value.get("logs") if isinstance(value, dict) else None
+    if not isinstance(logs, dict) or not all(isinstance(block, dict) for block in logs.values()):
+        raise InputError(f"{path}: expected `logs:` with a block for each log; fix it, or remove it to guess anew")
+    return logs
+
+
+def gain(laid_out: Mapping) -> dict:
+    """Return the scale and the offset of a layout."""
+    return {"scale": laid_out.get("scale", 1), "offset": laid_out.get("offset", 0)}
+
+
+def unlike_gains(folders: Sequence[Path]) -> dict[str, str]:
+    """Return log -> what is to be said where recordings were imported with unlike scales or offsets; {} where none."""
+    first: dict[str, tuple[Path, dict]] = {}
+    said: dict[str, str] = {}
+    for folder in folders:
+        for name, block in imported(folder).items():
+            place, usual = first.setdefault(name, (folder / ORIGIN, gain(block)))
+            if gain(block) != usual:
+                said[name] = (
+                    f"{folder / ORIGIN}: {name} was imported with {on_a_line(gain(block))}, but in {place} with "
+                    f"{on_a_line(usual)}: right only for files in two units; else write one scale and offset into "
+                    "both, and import both again"
+                )
+    return said
 
 
 def trial(proposal: Proposal) -> dict:

@@ -307,6 +307,16 @@ def test_a_recording_that_is_there_twice_is_no_second_one(workspace, touch_logs,
     assert "single/day2 has 20 lines a second, single/day1_0 40: windows" in capsys.readouterr().out
 
 
+def test_recordings_that_were_imported_with_unlike_gains_are_not_ready(workspace, touch_logs, tmp_path, capsys):
+    logs = edited(touch_logs, tmp_path / "logs")
+    one, other = logs / "single" / "day1_0", logs / "single" / "day2"
+    edited(one, other, array=lambda lines: lines[:-9])
+    for folder, scale in ((one, 100), (other, 500)):
+        (folder / "origin.yaml").write_text(f"logs:\n  array.log: {{from: a.csv, scale: {scale}}}\n")
+    first, _ = checked(workspace, "touch", logs, capsys)
+    assert first.startswith(f"{other / 'origin.yaml'}: array.log was imported with {{scale: 500, offset: 0}}, but in ")
+
+
 @pytest.mark.parametrize(("gain", "zero"), [(1.0, 40), (0.5, 0)])
 def test_a_sensor_that_is_zeroed_or_scaled_on_the_way_is_named(workspace, touch_logs, tmp_path, capsys, gain, zero):
     def half_way(lines):

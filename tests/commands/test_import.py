@@ -236,6 +236,27 @@ def test_a_sensor_is_not_its_own_truth(first, stamp, tmp_path, capsys):
     assert not (sensor / "single" / "run1" / "load_cell.log").exists()
 
 
+def test_recordings_of_one_sensor_have_one_gain(run0, tmp_path, capsys):
+    """Files of one sensor in volts, of unlike peaks: a volt is worth the same counts in all, or the file is refused."""
+
+    def written(name, factor):
+        volts = {f"ch{k}": np.round(factor * COUNTS[:, k], 5) for k in range(6)}
+        pd.DataFrame({"time_s": T} | volts | {"fz_n": FORCE}).to_csv(tmp_path / name, index=False)
+        return tmp_path / name
+
+    def scale(run):
+        return yaml.safe_load((run / "origin.yaml").read_text())["logs"]["array.log"]["scale"]
+
+    high, low, millivolts = written("a.csv", 2.1e-3), written("b.csv", 0.7e-3), written("c.csv", 2.1)
+    run1, run2 = run0.with_name("run1"), run0.with_name("run2")
+    imported(high, run0, "--of", "touch")
+    imported(low, run1, "--of", "touch")
+    assert f"may be rounded at the scale and offset of {run0 / 'origin.yaml'}" in capsys.readouterr().out
+    assert scale(run0) == scale(run1)
+    with pytest.raises(InputError, match="c.csv: readings are no counts of 0 to 1023 at the scale and offset of"):
+        imported(millivolts, run2, "--of", "touch")
+
+
 def test_places_are_from_the_file_that_names_them(tmp_path):
     sensor = tmp_path / "skin"
     sensor.mkdir()
