@@ -54,6 +54,7 @@ LEAST_RIGHT = 0.6  # share of firm contacts in which the pressed element is the 
 FEW_TESTS = 50  # rows
 OFTEN = 0.05  # share of a log's lines that have a gap before them
 SLOW_HZ = 25  # a touch device that is slower cannot be aligned to a press's rise of 0.1 s
+WHOLE_TIMES = 20  # lines whose times in seconds have no decimals, from which on the unit is asked for
 TARED = 0.03  # of the highest force, the most that a load cell shows at rest; recorded ones have 0.017, simulated 0.009
 STUCK = 0.05  # share of the time without a press in which an element is high; simulated arrays have 0
 FEW = 3  # firm contacts that tell which column answers at one place
@@ -220,6 +221,15 @@ def conventions(path: Path, log: own_logs.Log, settings: Mapping) -> Iterator[st
         unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
         advice = TIMES.get((unit, rate > FASTEST_HZ), "")
         yield f"{path}: {rate:g} lines per second; is the first column the time in {unit}?{advice}"
+    told = own_logs.imported(path.parent).get(path.name, {}) | (layout.of(settings["ingest"], path.name) or {})
+    if "t_s" in log.rows.column_names and not {"time_unit", "time_pattern", "rate_hz"} & told.keys():
+        times = log.rows["t_s"].to_numpy()
+        if len(times) >= WHOLE_TIMES and (times == np.rint(times)).all():
+            yield (
+                f"{path}: all times are whole numbers, {np.median(np.diff(times)):g} apart: are these milliseconds? "
+                f"Write {path.name}: {{time_unit: ms}} into the block ingest.format of settings.yaml, or, if they are "
+                "seconds, {time_unit: s}"
+            )
     if "fz_n" in log.rows.column_names:
         force = log.rows["fz_n"].to_numpy()
         low, rest, high = np.percentile(force, [0.5, 10, 99.5])

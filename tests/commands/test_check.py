@@ -274,6 +274,28 @@ def test_centres_of_rbf_are_fewer_than_the_windows(workspace, capsys):
     assert "rbf: 120 windows train, fewer than 500 centres; it has 60" in capsys.readouterr().out
 
 
+def test_whole_seconds_are_asked_for(tmp_path):
+    """Times of 2 ms steps without decimals are one line a second; what the settings say of them is believed."""
+    folder = tmp_path / "stretch" / "run0"
+    folder.mkdir(parents=True)
+    times = np.arange(0, 60_000, 2)
+    for name in ("daq", "robot"):
+        values = np.sin(times / 3e3)
+        lines = [f"{t},{v:.4f}" for t, v in zip(times, values, strict=True)]
+        (folder / f"{name}.log").write_text("\n".join(lines) + "\n")
+    block = {
+        "sensor": {"channels": 1, "tasks": {"stretch": ["x"]}},
+        "ingest": {"max_reject_fraction": 0.01, "clock": "shared", "rate_hz": 5, "max_gap_s": 5.0, "format": {}},
+    }
+    block["ingest"] |= {"max_clock_offset_s": 5.0, "min_correlation": 0.5}
+    (first, _) = check.checked("strain", folder, block).problems
+    assert "daq.log: all times are whole numbers, 2 apart: are these milliseconds?" in first
+    for unit, rate in (("ms", 500), ("s", 0.5)):
+        block["ingest"]["format"] = {f"{name}.log": {"time_unit": unit} for name in ("daq", "robot")}
+        recording = check.checked("strain", folder, block)
+        assert not recording.problems and recording.logs["daq.log"].report["rate_hz"] == pytest.approx(rate)
+
+
 def test_logs_that_share_no_time_are_said_not_to_share_a_clock(tmp_path):
     folder = tmp_path / "stretch" / "run"
     folder.mkdir(parents=True)

@@ -388,7 +388,7 @@ HEADERS = {  # the order of the columns that a first line of PLACES tells; None:
     b'"t_us","z_mm","x_mm","y_mm"': "t_us z_mm x_mm y_mm",
     b"# t_us,z_mm,x_mm,y_mm": "t_us z_mm x_mm y_mm",
     b"Time,Ch1,Ch2,Ch3": "t_us x_mm y_mm z_mm",
-    b"Time,Ch3,Ch2,Ch1": "line 1 names the columns Time, Ch3, Ch2, Ch1; known are t_us, x_mm, y_mm, z_mm: rename",
+    b"Time,Ch3,Ch2,Ch1": "line 1 names the columns Time, Ch3, Ch2, Ch1; known are t_us, x_mm, y_mm, z_mm; rename",
     b"Time,X,Y,Z": "line 1 names the columns Time, X, Y, Z; known are",
     b"t_us,x_mm,y_mm,depth": "line 1 names the column depth; known are .* or remove the header line if the columns are",
     b"t_us,x_mm,x_mm,z_mm": "line 1 names x_mm twice and not y_mm; rename",
