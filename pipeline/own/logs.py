@@ -15,7 +15,7 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import images
 from pipeline.experiments import glove, touch
-from pipeline.logs import parse, sniff
+from pipeline.logs import layout, parse, sniff
 from pipeline.logs.report import log_report
 from pipeline.logs.sniff import Proposal
 
@@ -37,7 +37,7 @@ class Log(NamedTuple):
 
     rows: pa.Table
     rejects: pa.Table
-    report: dict  # as `log_report` returns it
+    report: dict  # as `log_report` returns it, and `filled` as `layout.filled` does, where readings that miss are
 
 
 def read_one(path: Path, fmt: parse.Format, laid_out: Mapping | None) -> Log:
@@ -47,6 +47,8 @@ def read_one(path: Path, fmt: parse.Format, laid_out: Mapping | None) -> Log:
         rows, rejects = touch.without_spikes(path, rows, rejects)
     time = rows[fmt.time].to_numpy() / parse.second(fmt)
     report = log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
+    if (laid_out or {}).get("missing") == "previous":
+        report["filled"] = layout.filled(path, laid_out, fmt)
     return Log(rows.append_column("time_s", pa.array(time)), rejects, report)
 
 

@@ -296,6 +296,20 @@ def test_whole_seconds_are_asked_for(tmp_path):
         assert not recording.problems and recording.logs["daq.log"].report["rate_hz"] == pytest.approx(rate)
 
 
+def test_a_rate_that_changes_within_a_log_is_named():
+    """Jitter and a device's restart are no change."""
+    interval = np.repeat([0.01, 0.02], [300, 700]) + np.tile([-1e-3, 0, 1e-3, 0], 250)
+
+    def of(interval, segment=0):
+        time = np.cumsum(interval)
+        columns = {"time_s": time, "segment": np.zeros(len(time), int) + segment, "line": np.arange(1, len(time) + 1)}
+        return check.changed_rate(pa.table(columns))
+
+    assert of(interval).startswith("about 50 lines a second from line 301 on, 100 before: ")
+    assert of(interval[:300]) is None and of(interval[300:]) is None and of(interval[250:310]) is None
+    assert of(np.where(np.arange(700) == 350, 9.0, interval[300:]), np.arange(700) >= 350) is None
+
+
 def test_logs_that_share_no_time_are_said_not_to_share_a_clock(tmp_path):
     folder = tmp_path / "stretch" / "run"
     folder.mkdir(parents=True)
