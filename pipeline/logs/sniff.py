@@ -50,6 +50,13 @@ ALIKE = {  # names that other devices have for a column
     "z_mm": re.compile(r"(^|[^a-z])z($|[^a-z])|(pose|position|pos)_?2$", re.IGNORECASE),
     "fz_n": re.compile(r"f_?z|force|load|weight|^f$", re.IGNORECASE),
 }
+OF_ARM, OF_FORCE = re.compile(r"pos|tcp", re.IGNORECASE), re.compile(r"f(orce)?_?z", re.IGNORECASE)  # of several alike
+NO_PLACE = re.compile(
+    r"force|torque|moment|speed|(^|[^a-z])(acc|gyr|vel)|^f_?[xyz]", re.IGNORECASE
+)  # which have axes, too
+NO_FORCE = re.compile(r"(force|load|^f)_?[xy]($|[^a-z])", re.IGNORECASE)  # across the surface
+ASKED_FOR = re.compile(r"set_?point|target|command|desired", re.IGNORECASE)  # and not measured
+METRES = "that places are in metres"
 
 
 class Proposal(NamedTuple):
@@ -303,7 +310,7 @@ def _by_name(names: list[str], left: list[int], readings: list[str]) -> tuple[li
     if all(name in plain for name in readings):
         return [plain.index(name) for name in readings], []
     if all(name in ALIKE for name in readings):
-        fits = [next((place for place in left if ALIKE[name].search(names[place])), None) for name in readings]
+        fits = [_alike(names, left, name) for name in readings]
         if None not in fits and len(set(fits)) == len(fits):
             said = ", ".join(f"'{names[place]}' is {name}" for place, name in zip(fits, readings, strict=True))
             return fits, [f"that {said}"]
@@ -312,6 +319,26 @@ def _by_name(names: list[str], left: list[int], readings: list[str]) -> tuple[li
     groups = Counter(stems[place] for place in left)
     same = [stem for stem, count in groups.items() if count == len(readings) and "#" in stem]
     return ([place for place in left if stems[place] == same[0]], []) if len(same) == 1 else None
+
+
+def _alike(names: list[str], left: list[int], reading: str) -> int | None:
+    """Return the place of the column whose name is likest to a reading's; None where none is.
+
+    Raises InputError where several are equally like it.
+    """
+    better, other = (OF_FORCE, NO_FORCE) if reading == "fz_n" else (OF_ARM, NO_PLACE)
+    ranked: dict[tuple[bool, bool], list[int]] = {}
+    for place in left:
+        name = names[place]
+        if ALIKE[reading].search(name) and not other.search(name):
+            ranked.setdefault((bool(ASKED_FOR.search(name)), not better.search(name)), []).append(place)
+    best = ranked[min(ranked)] if ranked else []
+    if len(best) > 1:
+        raise InputError(
+            f"{', '.join(names[place] for place in best)} could each be {reading}; rename the others, or say by "
+            "`columns` in the log's block, of ingest.format in settings.yaml or of origin.yaml, which one is"
+        )
+    return best[0] if best else None
 
 
 def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: bool) -> Proposal | None:
@@ -481,7 +508,7 @@ def _scale(
     if all(column.unit == "mm" for column in columns):
         moves = max(np.nanmax(readings, axis=0) - np.nanmin(readings, axis=0))
         if 0 < moves < SMALL_M:
-            guesses.append("that places are in metres")
+            guesses.append(METRES)
             return {"scale": 1000}
     if columns[0].unit == "N" and GRAMS[0] < np.nanmax(abs(readings)) < GRAMS[1] and not _converter(readings):
         guesses.append("that the load cell shows grams")

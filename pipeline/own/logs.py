@@ -24,6 +24,7 @@ PASTE = "paste the block `format` above into settings.yaml"
 LAID_OUT = f"is laid out in another way; {PASTE}"
 HIGH_REST = 0.75  # of the range of an area; a mat whose usual reading is beyond falls when it is pressed
 DIM = 0.25  # of the range of an area; images of readings that reach no further are dark
+STEPS_MOVED = 20  # finest steps, by more of which an arm moves and does not only rest
 MARGIN = 1.1  # of the largest reading, where that is no converter's
 RARE = 0.01  # of the frames, whose extremes are noise
 STEPS = [step * 10.0**power for power in range(-4, 7) for step in (1, 2, 5) if (step, power) != (1, 0)]  # of a scale
@@ -69,6 +70,9 @@ def proposed(
     if not isinstance(found, Proposal):
         return found
     try:
+        if sniff.METRES in found.guesses and not _is_in_metres(path, fmt, found):
+            found.guesses.remove(sniff.METRES)
+            del found.layout["scale"]
         found = whole(path, fmt, found, settings["ingest"]["max_reject_fraction"])
         if found.layout == laid_out:
             return None
@@ -80,6 +84,15 @@ def proposed(
     except InputError as error:
         return None if found.layout == PLAIN else str(error)
     return found
+
+
+def _is_in_metres(path: Path, fmt: parse.Format, found: Proposal) -> bool:
+    """Tell whether an arm moves as little in the whole log as at its start, and by more than the digits' steps."""
+    unscaled = found._replace(layout={key: value for key, value in found.layout.items() if key != "scale"})
+    rows, _ = parse.read_log(path, fmt, layout=trial(unscaled))
+    places = [rows[column.name].to_numpy() for column in fmt.columns if column.name != fmt.time]
+    moves, step = max(map(np.ptp, places)), min(map(parse.finest_step, places))
+    return STEPS_MOVED * step < moves < sniff.SMALL_M
 
 
 def whole(path: Path, fmt: parse.Format, found: Proposal, limit: float) -> Proposal:

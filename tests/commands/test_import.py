@@ -269,3 +269,37 @@ def test_places_are_from_the_file_that_names_them(tmp_path):
     fmt = strain.formats({"sensor": {"channels": 2, "tasks": {"press": ["z"]}}})["robot.log"]
     robot = parse.read_log(sensor / "press" / "run0" / "robot.log", fmt)[0]
     assert robot["z_mm"].to_numpy() == pytest.approx(Z)
+
+
+@pytest.mark.parametrize(
+    ("names", "taken"),
+    [
+        (("force_x", "force_y", "force_z", "pos_x", "pos_y", "pos_z"), ("force_z", "pos_x", "pos_y", "pos_z")),
+        (("Fx", "Fz", "x", "y", "z"), ("Fz", "x", "y", "z")),
+        (("force_setpoint", "force", "x", "y", "z"), ("force", "x", "y", "z")),
+        (("force_left", "force_right", "x", "y", "z"), None),
+    ],
+)
+def test_of_several_columns_of_a_kind_the_right_one_is_taken(names, taken, run0, tmp_path, capsys):
+    """Each column is another number throughout."""
+    columns = {"time_s": T} | {f"ch{k}": COUNTS[:, k] for k in range(6)}
+    columns |= {name: k + 0.001 * np.arange(ROWS) - 9 for k, name in enumerate(names)}
+    pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
+    imported(tmp_path / "a.csv", run0, "--of", "touch")
+    if taken is None:
+        assert "force_left, force_right could each be fz_n; rename the others" in capsys.readouterr().out
+        assert not (run0 / "load_cell.log").exists()
+        return
+    read = np.hstack([matrix(logs_of(run0)[log]) for log in ("load_cell", "cnc")])
+    assert read == pytest.approx(np.column_stack([columns[name] for name in taken]))
+
+
+@pytest.mark.parametrize(("moves_mm", "scale"), [(5.0, 1), (0.08, 1000)])
+def test_an_arm_that_rests_at_first_is_not_in_metres(moves_mm, scale, run0, tmp_path):
+    """Of 4000 lines the first 1500 are at rest, but for noise; less than 0.2 in the whole log is in metres."""
+    time = 0.01 * np.arange(4000)
+    places = np.where(time < 15, 0.0, moves_mm * np.sin(time - 15)) + 0.002 * np.sin(7 * time)
+    columns = {"time_s": time} | {axis: np.round(places, 3) for axis in "xyz"}
+    pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
+    imported(tmp_path / "a.csv", run0, "--of", "touch")
+    assert matrix(parse.read_log(run0 / "cnc.log", touch.CNC)[0])[:, 0] == pytest.approx(scale * columns["x"])
