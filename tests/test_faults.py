@@ -310,7 +310,7 @@ def test_a_wrong_time_in_the_last_line_is_named(name, tmp_path):
     lines = valid_lines(fmt, 9)
     lines[-1] = b"41198000" + (b"0000" if fmt.names[0] == "t_us" else b"") + b"," + lines[-1].partition(b",")[2]
     (tmp_path / "device.log").write_bytes(b"".join(lines))
-    with pytest.raises(InputError, match=r"device\.log: lasts \d{6,8} s, more .* in line 9: remove that line"):
+    with pytest.raises(InputError, match=r"device\.log: lasts \d{6,8} s, more .* in line 9; remove that line"):
         parse.read_log(tmp_path / "device.log", fmt)
 
 

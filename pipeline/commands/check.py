@@ -54,6 +54,9 @@ LEAST_RIGHT = 0.6  # share of firm contacts in which the pressed element is the 
 FEW_TESTS = 50  # rows
 OFTEN = 0.05  # share of a log's lines that have a gap before them
 SLOW_HZ = 25  # a touch device that is slower cannot be aligned to a press's rise of 0.1 s
+FEW_INTERVALS = 10  # in a tenth of a log, whose median says its rate
+WHOLE_TIMES = 20  # lines whose times in seconds have no decimals, from which on the unit is asked for
+TARED = 0.03  # of the highest force, the most that a load cell shows at rest; recorded ones have 0.017, simulated 0.009
 STUCK = 0.05  # share of the time without a press in which an element is high; simulated arrays have 0
 FEW = 3  # firm contacts that tell which column answers at one place
 ORDER = "row by row from the bottom row, each from left to right"
@@ -219,12 +222,27 @@ def conventions(path: Path, log: own_logs.Log, settings: Mapping) -> Iterator[st
         unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
         advice = TIMES.get((unit, rate > FASTEST_HZ), "")
         yield f"{path}: {rate:g} lines per second; is the first column the time in {unit}?{advice}"
+    told = own_logs.imported(path.parent).get(path.name, {}) | (layout.of(settings["ingest"], path.name) or {})
+    if "t_s" in log.rows.column_names and not {"time_unit", "time_pattern", "rate_hz"} & told.keys():
+        times = log.rows["t_s"].to_numpy()
+        if len(times) >= WHOLE_TIMES and (times == np.rint(times)).all():
+            yield (
+                f"{path}: all times are whole numbers, {np.median(np.diff(times)):g} apart: are these milliseconds? "
+                f"Write {path.name}: {{time_unit: ms}} into the block ingest.format of settings.yaml, or, if they are "
+                "seconds, {time_unit: s}"
+            )
     if "fz_n" in log.rows.column_names:
         force = log.rows["fz_n"].to_numpy()
         low, rest, high = np.percentile(force, [0.5, 10, 99.5])
         threshold = settings["window"]["contact_threshold_n"]
+        tared = max(TARED * max(high - rest, threshold), 2 * (rest - low))  # beyond the noise, too
         if -low > high:
             yield f"{path}: {touch.PULLED}"
+        elif rest <= threshold and abs(rest) > min(threshold, tared):
+            yield (
+                f"{path}: fz_n rests at {rest:.2g} N, not at 0, so that every force is {abs(rest):.2g} N too "
+                f"{'high' if rest > 0 else 'low'}; subtract what the load cell shows at rest"
+            )
         elif rest > threshold:
             yield (
                 f"{path}: fz_n rests at {rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "
@@ -274,6 +292,12 @@ def understood(recording: Checked) -> Iterator[str]:
             yield (
                 f"{'':19}gaps, times between lines of more than {schemas.LONG:g} usual ones, are in "
                 f"{100 * report['gaps'] / report['lines']:.0f} % of them: no window goes over a gap, so few are left"
+            )
+        for reading, (count, longest) in log.report.get("filled", {}).items():
+            lasts = f", or {longest / report['rate_hz']:.3g} s" if report["rate_hz"] else ""
+            yield (
+                f"{'':19}{reading}: missing in {100 * count / report['lines']:.2g} % of the lines, and taken from the "
+                f"line before; in up to {longest} lines on end{lasts}"
             )
         if name == "array.log" and report["rate_hz"] and report["rate_hz"] < SLOW_HZ:
             yield f"{'':19}slower than {SLOW_HZ} Hz: presses may not be aligned well, and windows are few"
@@ -598,13 +622,32 @@ def rates(experiment: str, read: list[Checked]) -> list[str]:
     known = {name: log.report["rate_hz"] for name, log in logs.items() if log.report["rate_hz"]}
     if experiments.module(experiment).KIND != "windows" or not known:
         return []
+    said = [f"{name}: {changed}" for name, log in logs.items() if (changed := changed_rate(log.rows))]
     low, high = min(known, key=known.get), max(known, key=known.get)
-    if known[high] <= timing.TOLERANCE * known[low]:
-        return []
-    return [
-        f"{low} has {known[low]:.3g} lines a second, {high} {known[high]:.3g}: windows of frames last unlike times in "
-        "them; record all at one rate"
-    ]
+    if known[high] > timing.TOLERANCE * known[low]:
+        said.append(
+            f"{low} has {known[low]:.3g} lines a second, {high} {known[high]:.3g}: windows of frames last unlike times "
+            "in them; record all at one rate"
+        )
+    return said
+
+
+def changed_rate(rows: pa.Table) -> str | None:
+    """Return a finding where the rate of a log's tenths differs by more than `predict` takes as one rate; else None."""
+    time_s, segment = rows["time_s"].to_numpy(), rows["segment"].to_numpy()
+    within = np.flatnonzero(segment[1:] == segment[:-1])
+    if len(within) < 10 * FEW_INTERVALS:
+        return None
+    tenths = np.array_split(within, 10)
+    rate = np.array([1 / np.median(np.diff(time_s)[tenth]) for tenth in tenths])
+    if rate.max() <= timing.TOLERANCE * rate.min():
+        return None
+    unlike = abs(np.log(rate / rate[0]))
+    k = int(np.argmax(unlike > unlike.max() / 2))
+    return (
+        f"about {rate[k]:.3g} lines a second from line {rows['line'][int(tenths[k][0])]} on, {rate[0]:.3g} before: "
+        "windows of frames last unlike times; divide the log where the rate changes, and record at one"
+    )
 
 
 def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) -> str | None:
@@ -632,8 +675,11 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
     problems = [f"{folder}: {problem}" for problem in ranges.problems] + problems
     if copies := own_data.copied(recordings, LOGS[experiment]):
         problems.append(f"{folder}: {copies}")
+    unlike = own_logs.unlike_gains(recordings)
+    if experiment != "strain" and LOGS[experiment] in unlike:  # counts have no unit that could differ
+        problems.append(unlike.pop(LOGS[experiment]))
     print(f"\n{folder}: {len(usable)} of {len(read)} recordings can be used")
-    said = still(experiment, read) + rates(experiment, read) + ranges.findings
+    said = still(experiment, read) + rates(experiment, read) + ranges.findings + list(unlike.values())
     if usable:
         rows, findings, wrong = whole(experiment, usable, settings)
         said, problems = said + findings, problems + wrong + unfit(experiment, settings)

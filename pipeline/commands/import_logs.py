@@ -12,18 +12,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import check
-from pipeline.logs import layout
+from pipeline.logs import layout, parse
 from pipeline.logs.formats import LOGS, Format
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
 from pipeline.own import tables
+from pipeline.own.logs import ORIGIN
 
-ORIGIN = "origin.yaml"
+FEWEST = 20  # counts that readings span at the gain of another recording; fewer are in another unit
 FROM = "from"  # key of a log's block in it: the table
 
 
@@ -33,6 +36,7 @@ class Found(NamedTuple):
     table: str
     text: Path
     proposal: Proposal
+    sure: bool  # the name of the table or of its columns says so
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,26 +54,36 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     sensor = folder.absolute().parents[1] if len(folder.absolute().parents) > 2 else folder
     experiment = given.of or check.experiment_of(sensor)
     settings = own_settings.of_logs(workspace, experiment, sensor)[experiment]
-    origin = _read(folder / ORIGIN)
+    origin, gains = own_logs.imported(folder), _gains_beside(sensor, folder, LOGS[experiment])
     with tempfile.TemporaryDirectory() as draft:
         texts = {}
         for number, path in enumerate(given.files):
             place = Path(draft, str(number))
             place.mkdir()
             texts |= tables.text_of(path, place)
-        found = {}
-        for name, fmt in check.formats(experiment, folder, settings).items():
-            known = origin.get(name)
-            one = _told(texts, name, known, folder) if known else _sniffed(experiment, name, fmt, texts, settings)
-            if one is None:
+        formats, ways, refused = check.formats(experiment, folder, settings), {}, {}
+        for name, fmt in formats.items():
+            if known := origin.get(name):
+                ways[name] = [_told(texts, name, known, folder)]
+            else:
+                ways[name], refused[name] = _sniffed(experiment, name, fmt, texts, settings)
+        found = _assigned(ways)
+        if (name := LOGS[experiment]) in found and name not in origin and gains:
+            _take_gain(found[name], formats[name], gains, settings["ingest"]["max_reject_fraction"])
+        for name, fmt in formats.items():
+            if name not in found:
+                if refused[name] and name == LOGS[experiment]:
+                    raise InputError("\n".join(refused[name]))
+                for reason in refused[name] or [f"not found in {', '.join(texts)}, as columns of {fmt.shown}"]:
+                    print(f"{name}: {reason}")
                 continue
+            one = found[name]
             if given.rate_hz and "rate_hz" in one.proposal.layout:
                 one.proposal.layout["rate_hz"] = given.rate_hz
             if one.proposal.layout.get("rate_hz", 0) is None:
                 raise InputError(f"{one.table}: has no times; say by --rate-hz how many rows a second there are")
-            if (folder / name).exists() and not known:
+            if (folder / name).exists() and name not in origin:
                 raise InputError(f"{folder / name}: exists already, and {ORIGIN} does not say that it was imported")
-            found[name] = one
         if not found:
             raise InputError(
                 f"{given.files[0]}: no column of it is known, or there are not as many readings as {experiment}.sensor "
@@ -78,33 +92,78 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             )
         folder.mkdir(parents=True, exist_ok=True)
         for name, one in found.items():
-            _write(folder / name, one, check.formats(experiment, folder, settings)[name])
+            _write(folder / name, one, formats[name])
     _write_origin(folder / ORIGIN, given.files, found)
     if len(found) > 1 and len({one.table for one in found.values()}) == 1 and "clock" in settings["ingest"]:
         print(f"the logs have one time: write {experiment}.ingest.clock: shared into {sensor / own_settings.FILE}")
     print(f"next: `tactile check {sensor if folder.is_absolute() else folder.parent.parent}`")
 
 
-def _sniffed(experiment: str, name: str, fmt: Format, texts: Mapping[str, Path], settings: Mapping) -> Found | None:
-    """Return how a log can be made from one of the tables: one called as it, else the one with the fewest guesses.
+def _sniffed(
+    experiment: str, name: str, fmt: Format, texts: Mapping[str, Path], settings: Mapping
+) -> tuple[list[Found], list[str]]:
+    """Return how a log can be made from the tables, the likeliest first, and why it cannot be from others.
 
-    None where no table holds it, and the reason is printed; InputError where it is the log of the sensor.
+    First are tables that are called as the log, then those that name its columns, then those with the fewest guesses.
     """
     ways, refused = [], []
     for table, text in texts.items():
         proposal = own_logs.proposed(experiment, text, fmt, settings, None)
         if isinstance(proposal, Proposal):
             called = Path(table).stem == Path(name).stem
-            ways.append((not called, len(proposal.guesses), len(ways), Found(table, text, proposal)))
+            found = Found(table, text, proposal, called or proposal.named)
+            ways.append((not called, not proposal.named, len(proposal.guesses), len(ways), found))
         elif isinstance(proposal, str):
             refused.append(proposal.replace(str(text), table))
-    if ways:
-        return min(ways)[-1]
-    if refused and name == LOGS[experiment]:
-        raise InputError("\n".join(refused))
-    for reason in refused or [f"not found in {', '.join(texts)}, as columns of {fmt.shown}"]:
-        print(f"{name}: {reason}")
-    return None
+    return [found for *_, found in sorted(ways)], refused
+
+
+def _assigned(ways: Mapping[str, list[Found]]) -> dict[str, Found]:
+    """Return log -> where its lines come from: first for logs whose table says so, and no column for two of them.
+
+    ways: log -> tables that it can be made from, the likeliest first. A sensor must not become its own truth.
+    """
+    found: dict[str, Found] = {}
+    for name in sorted(ways, key=lambda name: not (ways[name] and ways[name][0].sure)):
+        taken = [(one.table, one.proposal.layout.get("columns")) for one in found.values()]
+        left = [one for one in ways[name] if (one.table, one.proposal.layout.get("columns")) not in taken]
+        if left and len(ways[name]) > 1 and not left[0].sure:
+            left[0].proposal.guesses.append(f"that it is in {left[0].table}, whose columns have other names or none")
+        found |= {name: left[0]} if left else {}
+    return {name: found[name] for name in ways if name in found}
+
+
+def _gains_beside(sensor: Path, folder: Path, name: str) -> dict[Path, dict]:
+    """Return origin.yaml -> scale and offset of a log in the other recordings of a sensor that were imported."""
+    others = (path for path in sorted(sensor.glob(f"*/*/{ORIGIN}")) if path.parent.absolute() != folder.absolute())
+    blocks = ((path, own_logs.imported(path.parent).get(name)) for path in others)
+    return {path: own_logs.gain(block) for path, block in blocks if block is not None}
+
+
+def _take_gain(one: Found, fmt: Format, gains: Mapping[Path, Mapping], limit: float) -> None:
+    """Give counts the scale and offset that those of another recording have, so that a count is worth the same in both.
+
+    gains: origin.yaml -> scale and offset; limit: share of rows that may be out of the counts' range then. Raises
+    InputError where the readings do not fit.
+    """
+    (place, gain), layout_of = next(iter(gains.items())), one.proposal.layout
+    if not all(column.integer for column in fmt.columns) or own_logs.gain(layout_of) == gain:
+        return
+    layout_of |= gain
+    try:
+        rows, rejects = parse.read_log(one.text, fmt, layout=own_logs.trial(one.proposal))
+        counts = np.column_stack([rows[column.name].to_numpy() for column in fmt.columns if column.name != fmt.time])
+        fits = rejects.num_rows <= limit * (len(counts) + rejects.num_rows) and np.ptp(counts) >= FEWEST
+    except InputError:
+        fits = False
+    if not fits:
+        raise InputError(
+            f"{one.table}: readings are no counts of 0 to {fmt.columns[-1].high:g} at the scale and offset of {place} "
+            f"({own_logs.on_a_line(gain)}), and one reading must not mean two; write a scale there that fits all "
+            "recordings and import that again first, or the readings of all files in one unit"
+        )
+    kept = [guess for guess in one.proposal.guesses if not guess.startswith(own_logs.ROUNDED)]
+    one.proposal.guesses[:] = [*kept, f"{own_logs.ROUNDED} at the scale and offset of {place}"]
 
 
 def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path) -> Found:
@@ -113,7 +172,7 @@ def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path) ->
     if table not in texts:
         raise InputError(f"{folder / ORIGIN}: {FROM} is '{table}', but the files are {', '.join(texts)}")
     params.check_block(described, layout.Layout, name, {name: str(folder / ORIGIN)})
-    return Found(table, texts[table], Proposal(described, []))
+    return Found(table, texts[table], Proposal(described, []), True)
 
 
 def _write(path: Path, found: Found, fmt: Format) -> None:
@@ -133,17 +192,6 @@ def _write(path: Path, found: Found, fmt: Format) -> None:
         print(f"  {sentence}")
     for guess in found.proposal.guesses:
         print(f"  guessed: {guess}")
-
-
-def _read(path: Path) -> dict:
-    """Return log -> its block of origin.yaml; {} where there is none."""
-    if not path.is_file():
-        return {}
-    value = params.parsed(path)
-    logs = value.get("logs") if isinstance(value, dict) else None
-    if not isinstance(logs, dict) or not all(isinstance(block, dict) for block in logs.values()):
-        raise InputError(f"{path}: expected `logs:` with a block for each log; fix it, or remove it to guess anew")
-    return logs
 
 
 def _write_origin(path: Path, sources: list[Path], found: Mapping[str, Found]) -> None:

@@ -126,6 +126,11 @@ def is_header(fields: list[str]) -> bool:
     return any(re.search("[^\\W\\d_]", field) for field in fields) and not any(map(is_number, fields))
 
 
+def _bare(names: list[str]) -> set[str]:
+    """Return names of columns without units in brackets."""
+    return {re.sub(r"\s*[\[(].*", "", name).lower() for name in names} - {""}
+
+
 def expression(pattern: str) -> str:
     """Return the regular expression of what a pattern of strptime can stand for."""
     parts = re.split(r"%(.)", pattern)
@@ -174,6 +179,8 @@ class Reader:
         self._frame_time: str | None = None
         self._frame_over = False  # a whole frame was taken, and the next has not begun
         self._previous: list[str | None] = [None] * len(self._readings)
+        self._run = [0] * len(self._readings)  # rows in which each reading was missing, up to the last row
+        self.filled, self.longest = self._run.copy(), self._run.copy()  # such rows in all, and in a row
         self._alike: list[tuple[int, Decimal, list[str]]] = []  # lines of one time, while they may be spread
         self._rounded = False  # their time, which was not cut
         self._before: Decimal | None = None  # time of those before
@@ -312,9 +319,25 @@ class Reader:
 
     def _reject(self, text: str, reason: str) -> Iterator[Line]:
         """Yield a reject, but not of what stands above the first row: titles, units, the names of the columns."""
+        if self._begun:
+            self._check_header(self._fields(text))
         if self._begun or self._number > ABOVE:
             self._count += 1
             yield Line(self._number, text, reason)
+
+    def _check_header(self, names: list[str]) -> None:
+        """Raise InputError for a further header that shares a column with the one above the first row, and is another.
+
+        names: the fields of a line that is no row. Columns are the same whose names are, but for what is in brackets.
+        """
+        if len(names) < 2 or not is_header(names):
+            return
+        for number, above in reversed(self._above):
+            if len(above) == len(names) and above != names and _bare(above) & _bare(names):
+                raise InputError(
+                    f"{self.where}: line {self._number} names the columns {', '.join(names)}, but line {number} "
+                    f"{', '.join(above)}; divide the log there"
+                )
 
     def _is_header(self, line: str) -> bool:
         """Tell whether a line names the columns, and find the places of those that are wanted."""
@@ -406,8 +429,13 @@ class Reader:
                     self._keep(values)
                     return None
                 values[k] = self._previous[k]
-            elif not is_number(value):
+                self.filled[k] += 1
+                self._run[k] += 1
+                self.longest[k] = max(self.longest[k], self._run[k])
+                continue
+            if not is_number(value):
                 return None
+            self._run[k] = 0
         if self.layout.rate_hz is not None:
             seconds = self._count / Decimal(repr(self.layout.rate_hz))
             time, rounded = self._in_unit(seconds * NANOSECONDS["s"] / self._unit), False
@@ -493,7 +521,21 @@ class Reader:
 
 def lines(path: Path, layout: Mapping, fmt: Format) -> Iterator[list[Line]]:
     """Yield the lines of a log, block by block; errors as `Reader`."""
+    yield from _read(path, Reader(layout, fmt, str(path)))
+
+
+def filled(path: Path, layout: Mapping, fmt: Format) -> dict[str, tuple[int, int]]:
+    """Return reading -> in how many rows it is the one before, and in how many in a row at most; errors as `Reader`."""
     reader = Reader(layout, fmt, str(path))
+    for _ in _read(path, reader):
+        pass
+    names = (column.name for column in fmt.columns if column.name != fmt.time)
+    found = zip(names, reader.filled, reader.longest, strict=True)
+    return {name: (count, longest) for name, count, longest in found if count}
+
+
+def _read(path: Path, reader: Reader) -> Iterator[list[Line]]:
+    """Yield what a reader makes of the lines of a log, block by block."""
     try:
         with opened(path) as file:
             while block := file.read(BLOCK):

@@ -85,7 +85,7 @@ def printed(line: bytes, fmt: Format, where: str) -> Format | None:
         return None
     if not all(len(field) <= LONGEST_NAME and _NAME.fullmatch(field) and len(field.split()) <= 2 for field in fields):
         return None
-    names = [re.sub(r"[^a-z0-9]+", "_", field.decode().lower()).strip("_") for field in fields]
+    names = [_plain(field.decode()) for field in fields]
     known = [name for name in names if name in fmt.names]
     if len(names) != len(fmt.columns):
         # Data lines of another width are rejected anyway; these may have the usual width.
@@ -112,6 +112,11 @@ def printed(line: bytes, fmt: Format, where: str) -> Format | None:
 _RENAME = "rename the columns, or remove the header line if the columns are in the usual order"
 _NAME = re.compile(rb"""[ \t"']*[A-Za-z_][\w .%/-]*([\[(][\w/% .]*[\])])?[ \t"']*""", re.ASCII)
 _TIME = re.compile(r"t(ime(_?stamp)?)?(_|$)")
+
+
+def _plain(name: str) -> str:
+    """Return a column's name in small letters, with underscores for all that is no letter or digit."""
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
 def _in_turn(names: list[str], fmt: Format) -> bool:
@@ -304,12 +309,25 @@ def read_log(
 
 
 def _check_headers(path: Path, fmt: Format, rejects: _Rejects) -> None:
-    """Raise InputError for a further header, printed after a restart, that names the columns in another order."""
+    """Raise InputError for a further header, as after a restart, of another order, other columns or other units.
+
+    Words of which none is known or is a time are a banner, `array, ready, go`.
+    """
     for number, text in rejects.texts.items():
-        if len(text) < TEXT_LENGTH and sorted(text.split(fmt.separator)) == sorted(fmt.names) and text != fmt.header:
+        names = list(map(_plain, text.split(fmt.separator)))
+        if len(text) >= TEXT_LENGTH or not any(name in fmt.names or _TIME.match(name) for name in names):
+            continue  # a longer text was cut
+        line, where = text.encode(), f"{path}: line {number}"
+        try:
+            if found := printed(line, fmt, where):
+                _check_units(line, found, where)
+        except InputError as error:
             raise InputError(
-                f"{path}: line {number} names the columns in another order than those above; divide the log there"
-            )
+                f"{where} names the columns {text.strip()}, which are others than above, or in another unit; divide "
+                "the log there"
+            ) from error
+        if found and found.names != fmt.names:
+            raise InputError(f"{where} names the columns in another order than those above; divide the log there")
 
 
 def finest_step(values: np.ndarray) -> float:

@@ -50,6 +50,13 @@ ALIKE = {  # names that other devices have for a column
     "z_mm": re.compile(r"(^|[^a-z])z($|[^a-z])|(pose|position|pos)_?2$", re.IGNORECASE),
     "fz_n": re.compile(r"f_?z|force|load|weight|^f$", re.IGNORECASE),
 }
+OF_ARM, OF_FORCE = re.compile(r"pos|tcp", re.IGNORECASE), re.compile(r"f(orce)?_?z", re.IGNORECASE)  # of several alike
+NO_PLACE = re.compile(
+    r"force|torque|moment|speed|(^|[^a-z])(acc|gyr|vel)|^f_?[xyz]", re.IGNORECASE
+)  # which have axes, too
+NO_FORCE = re.compile(r"(force|load|^f)_?[xy]($|[^a-z])", re.IGNORECASE)  # across the surface
+ASKED_FOR = re.compile(r"set_?point|target|command|desired", re.IGNORECASE)  # and not measured
+METRES = "that places are in metres"
 
 
 class Proposal(NamedTuple):
@@ -58,6 +65,7 @@ class Proposal(NamedTuple):
     layout: dict  # for the settings; `rate_hz` is None where the log tells none
     guesses: list[str]
     said: tuple[str, ...] = ()  # what the header says of units
+    named: bool = False  # the names of the columns say that they are the wanted ones
 
 
 class _Table(NamedTuple):
@@ -239,10 +247,10 @@ def _of_rows(lines: list[str], fmt: Format, common: dict, timed: bool) -> Propos
     if not timed:
         exact = [table for table in tables if len(table.numeric) == table.width == readings]
         if exact:
-            return _finished(exact[0], fmt, common, None, list(range(readings)), lines, [])
+            return _in_order(exact[0], fmt, common, lines, timed)
     for table in tables:
         if timed and len(table.numeric) == table.width == readings + 1:
-            return _in_order(table, fmt, common, lines)
+            return _in_order(table, fmt, common, lines, timed)
     for table in tables:
         if len(table.numeric) == table.width == readings and _time(table, None, strict=True) is None:
             return _without_time(table, fmt, common, lines)
@@ -273,22 +281,26 @@ def _time(table: _Table, names: list[str] | None, strict: bool = False, index: b
     return min(rising)[-1] if rising else None
 
 
-def _in_order(table: _Table, fmt: Format, common: dict, lines: list[str]) -> Proposal | None:
+def _in_order(table: _Table, fmt: Format, common: dict, lines: list[str], timed: bool) -> Proposal | None:
     """Return how lines can be read that have as many columns as are wanted: in their order, unless a header says other.
 
     A header of which no name is known is taken for one of the usual order, which is a guess.
     """
     names = _names(table, lines) if table.separator != layout.TEXT else None
-    time, guesses = _time(table, names), []
+    time, guesses = _time(table, names) if timed else None, []
     readings = [column.name for column in fmt.columns if column.name != fmt.time]
-    if names is not None and time is not None:
+    if names is not None and (time is not None or not timed):
         left = [place for place in range(table.width) if place != time]
         named = _by_name(names, left, readings)
         if named is not None and named[0] != left:
-            return _chosen(table, fmt, common, lines, timed=True)
+            return _chosen(table, fmt, common, lines, timed)
         if named is None and len(readings) > 1:
             listed = ", ".join([names[left[0]], "...", names[left[-1]]])
             guesses = [f"that {listed} are {readings[0]}, ..., {readings[-1]}, in this order"]
+        elif named is None:
+            guesses = [f"that '{names[left[0]]}' is {readings[0]}"]
+        found = _finished(table, fmt, common, time, None, lines, guesses)
+        return found and found._replace(named=named is not None)
     return _finished(table, fmt, common, time, None, lines, guesses)
 
 
@@ -298,7 +310,7 @@ def _by_name(names: list[str], left: list[int], readings: list[str]) -> tuple[li
     if all(name in plain for name in readings):
         return [plain.index(name) for name in readings], []
     if all(name in ALIKE for name in readings):
-        fits = [next((place for place in left if ALIKE[name].search(names[place])), None) for name in readings]
+        fits = [_alike(names, left, name) for name in readings]
         if None not in fits and len(set(fits)) == len(fits):
             said = ", ".join(f"'{names[place]}' is {name}" for place, name in zip(fits, readings, strict=True))
             return fits, [f"that {said}"]
@@ -307,6 +319,26 @@ def _by_name(names: list[str], left: list[int], readings: list[str]) -> tuple[li
     groups = Counter(stems[place] for place in left)
     same = [stem for stem, count in groups.items() if count == len(readings) and "#" in stem]
     return ([place for place in left if stems[place] == same[0]], []) if len(same) == 1 else None
+
+
+def _alike(names: list[str], left: list[int], reading: str) -> int | None:
+    """Return the place of the column whose name is likest to a reading's; None where none is.
+
+    Raises InputError where several are equally like it.
+    """
+    better, other = (OF_FORCE, NO_FORCE) if reading == "fz_n" else (OF_ARM, NO_PLACE)
+    ranked: dict[tuple[bool, bool], list[int]] = {}
+    for place in left:
+        name = names[place]
+        if ALIKE[reading].search(name) and not other.search(name):
+            ranked.setdefault((bool(ASKED_FOR.search(name)), not better.search(name)), []).append(place)
+    best = ranked[min(ranked)] if ranked else []
+    if len(best) > 1:
+        raise InputError(
+            f"{', '.join(names[place] for place in best)} could each be {reading}; rename the others, or say by "
+            "`columns` in the log's block, of ingest.format in settings.yaml or of origin.yaml, which one is"
+        )
+    return best[0] if best else None
 
 
 def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: bool) -> Proposal | None:
@@ -319,6 +351,7 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
         return None
     left = [place for place in table.numeric if place != time]
     places, guesses = (_by_name(names, left, readings) if names is not None else None) or (None, [])
+    named = places is not None
     if places is None:
         counts = [place for place in left if len(table.values) > 2 and (np.diff(table.values[:, place]) == 1).all()]
         left = [place for place in left if place not in counts]
@@ -335,7 +368,7 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
         run = places == list(range(places[0], places[-1] + 1)) and len(places) > 4
         chosen = [names[place] for place in places]
         found.layout["columns"] = f"{chosen[0]}..{chosen[-1]}" if run else chosen
-    return found
+    return found._replace(named=named)
 
 
 def _names(table: _Table, lines: list[str]) -> list[str] | None:
@@ -475,7 +508,7 @@ def _scale(
     if all(column.unit == "mm" for column in columns):
         moves = max(np.nanmax(readings, axis=0) - np.nanmin(readings, axis=0))
         if 0 < moves < SMALL_M:
-            guesses.append("that places are in metres")
+            guesses.append(METRES)
             return {"scale": 1000}
     if columns[0].unit == "N" and GRAMS[0] < np.nanmax(abs(readings)) < GRAMS[1] and not _converter(readings):
         guesses.append("that the load cell shows grams")

@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -11,10 +11,11 @@ import numpy as np
 import pyarrow as pa
 from ruamel.yaml import YAML
 
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import images
 from pipeline.experiments import glove, touch
-from pipeline.logs import parse, sniff
+from pipeline.logs import layout, parse, sniff
 from pipeline.logs.report import log_report
 from pipeline.logs.sniff import Proposal
 
@@ -23,9 +24,12 @@ PASTE = "paste the block `format` above into settings.yaml"
 LAID_OUT = f"is laid out in another way; {PASTE}"
 HIGH_REST = 0.75  # of the range of an area; a mat whose usual reading is beyond falls when it is pressed
 DIM = 0.25  # of the range of an area; images of readings that reach no further are dark
+STEPS_MOVED = 20  # finest steps, by more of which an arm moves and does not only rest
 MARGIN = 1.1  # of the largest reading, where that is no converter's
 RARE = 0.01  # of the frames, whose extremes are noise
 STEPS = [step * 10.0**power for power in range(-4, 7) for step in (1, 2, 5) if (step, power) != (1, 0)]  # of a scale
+ROUNDED = "that readings may be rounded"
+ORIGIN = "origin.yaml"  # beside logs that were imported: what each was made from
 BITS = (1023, 4095, 16383, 65535)  # largest counts of converters
 
 
@@ -34,7 +38,7 @@ class Log(NamedTuple):
 
     rows: pa.Table
     rejects: pa.Table
-    report: dict  # as `log_report` returns it
+    report: dict  # as `log_report` returns it, and `filled` as `layout.filled` does, where readings that miss are
 
 
 def read_one(path: Path, fmt: parse.Format, laid_out: Mapping | None) -> Log:
@@ -44,6 +48,8 @@ def read_one(path: Path, fmt: parse.Format, laid_out: Mapping | None) -> Log:
         rows, rejects = touch.without_spikes(path, rows, rejects)
     time = rows[fmt.time].to_numpy() / parse.second(fmt)
     report = log_report(rows.num_rows, rejects, time, rows["segment"].to_numpy())
+    if (laid_out or {}).get("missing") == "previous":
+        report["filled"] = layout.filled(path, laid_out, fmt)
     return Log(rows.append_column("time_s", pa.array(time)), rejects, report)
 
 
@@ -64,6 +70,9 @@ def proposed(
     if not isinstance(found, Proposal):
         return found
     try:
+        if sniff.METRES in found.guesses and not _is_in_metres(path, fmt, found):
+            found.guesses.remove(sniff.METRES)
+            del found.layout["scale"]
         found = whole(path, fmt, found, settings["ingest"]["max_reject_fraction"])
         if found.layout == laid_out:
             return None
@@ -75,6 +84,15 @@ def proposed(
     except InputError as error:
         return None if found.layout == PLAIN else str(error)
     return found
+
+
+def _is_in_metres(path: Path, fmt: parse.Format, found: Proposal) -> bool:
+    """Tell whether an arm moves as little in the whole log as at its start, and by more than the digits' steps."""
+    unscaled = found._replace(layout={key: value for key, value in found.layout.items() if key != "scale"})
+    rows, _ = parse.read_log(path, fmt, layout=trial(unscaled))
+    places = [rows[column.name].to_numpy() for column in fmt.columns if column.name != fmt.time]
+    moves, step = max(map(np.ptp, places)), min(map(parse.finest_step, places))
+    return STEPS_MOVED * step < moves < sniff.SMALL_M
 
 
 def whole(path: Path, fmt: parse.Format, found: Proposal, limit: float) -> Proposal:
@@ -97,10 +115,41 @@ def whole(path: Path, fmt: parse.Format, found: Proposal, limit: float) -> Propo
     laid_out = found.layout | {"scale": int(scale) if scale >= 1 else scale}
     if low < 0:
         laid_out["offset"] = int(np.ceil(-low * scale))
-    said = (
-        f"that readings may be rounded once they are multiplied by {scale:g}, and are counts of 0 to {highest:g} then"
-    )
+    said = f"{ROUNDED} once they are multiplied by {scale:g}, and are counts of 0 to {highest:g} then"
     return found._replace(layout=laid_out, guesses=[*found.guesses, said])
+
+
+def imported(folder: Path) -> dict:
+    """Return log -> its block of a recording's origin.yaml; {} where there is none, InputError for another text."""
+    path = folder / ORIGIN
+    if not path.is_file():
+        return {}
+    value = params.parsed(path)
+    logs = value.get("logs") if isinstance(value, dict) else None
+    if not isinstance(logs, dict) or not all(isinstance(block, dict) for block in logs.values()):
+        raise InputError(f"{path}: expected `logs:` with a block for each log; fix it, or remove it to guess anew")
+    return logs
+
+
+def gain(laid_out: Mapping) -> dict:
+    """Return the scale and the offset of a layout."""
+    return {"scale": laid_out.get("scale", 1), "offset": laid_out.get("offset", 0)}
+
+
+def unlike_gains(folders: Sequence[Path]) -> dict[str, str]:
+    """Return log -> what is to be said where recordings were imported with unlike scales or offsets; {} where none."""
+    first: dict[str, tuple[Path, dict]] = {}
+    said: dict[str, str] = {}
+    for folder in folders:
+        for name, block in imported(folder).items():
+            place, usual = first.setdefault(name, (folder / ORIGIN, gain(block)))
+            if gain(block) != usual:
+                said[name] = (
+                    f"{folder / ORIGIN}: {name} was imported with {on_a_line(gain(block))}, but in {place} with "
+                    f"{on_a_line(usual)}: right only for files in two units; else write one scale and offset into "
+                    "both, and import both again"
+                )
+    return said
 
 
 def trial(proposal: Proposal) -> dict:

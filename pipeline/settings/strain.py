@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pipeline.settings.models import Models
 from pipeline.settings.shared import (
@@ -230,3 +230,13 @@ class Strain(Block):
     models: Models = Field(description="The models to train, by their keys")
     study: Study = Field(description="What the paper asserts and does not test")
     latency: Latency = Field(description="How the time of a prediction is measured")
+
+    @model_validator(mode="after")
+    def _resistance_is_not_turned(self) -> "Strain":
+        daq = self.ingest.format.get("daq.log")
+        if self.sensor.unit == "ohm" and daq is not None and not daq.rises_when_pressed:  # 1e9 less a reading
+            raise ValueError(
+                "resistance has no highest value that falling readings could be taken from; remove "
+                "rises_when_pressed from strain.ingest.format: a resistance may fall when pressed"
+            )
+        return self

@@ -221,6 +221,13 @@ def test_the_schema_for_editors_is_up_to_date():
         ({1: 2, "strain.sensor.channels": 6}, "there is no key '1'; known: "),
         ({"strain.sensor.channels": 0}, "strain.sensor.channels: input should be greater than or equal to 1, got 0"),
         ({"glove.split.validation": 0.3}, "glove.split: train and validation leave nothing to test on"),
+        (
+            {
+                "strain.sensor.unit": "ohm",
+                "strain.ingest.format": {"daq.log": {"separator": ",", "rises_when_pressed": False}},
+            },
+            "strain: resistance has no highest value that falling readings could be taken from; remove",
+        ),
         ({"glove.sensor.areas": {"mat": {"rows": 4}}}, "glove.sensor.areas.mat: key 'cols' is missing; add it"),
         (
             {"glove.sensor.areas": {"mat": {"row": 4}}},

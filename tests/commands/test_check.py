@@ -3,6 +3,7 @@
 import argparse
 import errno
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -113,6 +114,18 @@ def test_what_is_in_another_unit_keeps_its_sentence_beside_the_block(workspace, 
     first, block = checked(workspace, "touch", grams, capsys)
     assert "write newtons" in first and first.endswith(f"; or {own_logs.PASTE}")
     assert block["touch.ingest.format"] == {"load_cell.log": {"scale": 0.00981, "separator": ","}}
+
+
+@pytest.mark.parametrize(("shift", "said"), [(-5, "-5 N, not at 0.*5 N too low"), (-1.1, "too low"), (1.1, "too high")])
+def test_a_load_cell_that_is_not_tared_is_named_on_both_sides_of_zero(
+    workspace, touch_logs, tmp_path, capsys, shift, said
+):
+    def shifted(lines):
+        whole = re.compile(r"(\d+),(-?\d+\.\d{3})")
+        return [f"{m[1]},{float(m[2]) + shift:.3f}" if (m := whole.fullmatch(line)) else line for line in lines]
+
+    first, _ = checked(workspace, "touch", edited(touch_logs, tmp_path / "logs", load_cell=shifted), capsys)
+    assert re.search(rf"load_cell.log: fz_n rests at .*{said}; subtract what the load cell shows at rest", first)
 
 
 @pytest.mark.parametrize(("volt", "rest"), [(3.3, 0.0), (1.0, 0.02)])
@@ -261,6 +274,42 @@ def test_centres_of_rbf_are_fewer_than_the_windows(workspace, capsys):
     assert "rbf: 120 windows train, fewer than 500 centres; it has 60" in capsys.readouterr().out
 
 
+def test_whole_seconds_are_asked_for(tmp_path):
+    """Times of 2 ms steps without decimals are one line a second; what the settings say of them is believed."""
+    folder = tmp_path / "stretch" / "run0"
+    folder.mkdir(parents=True)
+    times = np.arange(0, 60_000, 2)
+    for name in ("daq", "robot"):
+        values = np.sin(times / 3e3)
+        lines = [f"{t},{v:.4f}" for t, v in zip(times, values, strict=True)]
+        (folder / f"{name}.log").write_text("\n".join(lines) + "\n")
+    block = {
+        "sensor": {"channels": 1, "tasks": {"stretch": ["x"]}},
+        "ingest": {"max_reject_fraction": 0.01, "clock": "shared", "rate_hz": 5, "max_gap_s": 5.0, "format": {}},
+    }
+    block["ingest"] |= {"max_clock_offset_s": 5.0, "min_correlation": 0.5}
+    (first, _) = check.checked("strain", folder, block).problems
+    assert "daq.log: all times are whole numbers, 2 apart: are these milliseconds?" in first
+    for unit, rate in (("ms", 500), ("s", 0.5)):
+        block["ingest"]["format"] = {f"{name}.log": {"time_unit": unit} for name in ("daq", "robot")}
+        recording = check.checked("strain", folder, block)
+        assert not recording.problems and recording.logs["daq.log"].report["rate_hz"] == pytest.approx(rate)
+
+
+def test_a_rate_that_changes_within_a_log_is_named():
+    """Jitter and a device's restart are no change."""
+    interval = np.repeat([0.01, 0.02], [300, 700]) + np.tile([-1e-3, 0, 1e-3, 0], 250)
+
+    def of(interval, segment=0):
+        time = np.cumsum(interval)
+        columns = {"time_s": time, "segment": np.zeros(len(time), int) + segment, "line": np.arange(1, len(time) + 1)}
+        return check.changed_rate(pa.table(columns))
+
+    assert of(interval).startswith("about 50 lines a second from line 301 on, 100 before: ")
+    assert of(interval[:300]) is None and of(interval[300:]) is None and of(interval[250:310]) is None
+    assert of(np.where(np.arange(700) == 350, 9.0, interval[300:]), np.arange(700) >= 350) is None
+
+
 def test_logs_that_share_no_time_are_said_not_to_share_a_clock(tmp_path):
     folder = tmp_path / "stretch" / "run"
     folder.mkdir(parents=True)
@@ -292,6 +341,16 @@ def test_a_recording_that_is_there_twice_is_no_second_one(workspace, touch_logs,
     (logs / "single" / "day2" / "array.log").write_text("\n".join(half) + "\n")
     check.check(workspace, "touch", logs, values_of(logs, "touch"))
     assert "single/day2 has 20 lines a second, single/day1_0 40: windows" in capsys.readouterr().out
+
+
+def test_recordings_that_were_imported_with_unlike_gains_are_not_ready(workspace, touch_logs, tmp_path, capsys):
+    logs = edited(touch_logs, tmp_path / "logs")
+    one, other = logs / "single" / "day1_0", logs / "single" / "day2"
+    edited(one, other, array=lambda lines: lines[:-9])
+    for folder, scale in ((one, 100), (other, 500)):
+        (folder / "origin.yaml").write_text(f"logs:\n  array.log: {{from: a.csv, scale: {scale}}}\n")
+    first, _ = checked(workspace, "touch", logs, capsys)
+    assert first.startswith(f"{other / 'origin.yaml'}: array.log was imported with {{scale: 500, offset: 0}}, but in ")
 
 
 @pytest.mark.parametrize(("gain", "zero"), [(1.0, 40), (0.5, 0)])

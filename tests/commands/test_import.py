@@ -211,3 +211,95 @@ def test_of_several_files_a_refused_unit_is_named(run0, tmp_path, capsys):
     said = capsys.readouterr().out
     assert f"load_cell.log: {cell}: line 1 names the column 'Force (kPa)'" in said
     assert "load_cell.log: not found" not in said and "cnc.log: not found in " in said
+
+
+@pytest.mark.parametrize("first", ["skin", "cell"])
+@pytest.mark.parametrize("stamp", [lambda t: t, lambda t: f"12:00:{t:09.6f}"], ids=["seconds", "time of day"])
+def test_a_sensor_is_not_its_own_truth(first, stamp, tmp_path, capsys):
+    """Of two files of one column each, the one whose column is called so is the load cell's; the other is a guess."""
+    sensor = tmp_path / "taxel"
+    sensor.mkdir()
+    one = {"touch.sensor": SENSOR["touch.sensor"] | {"rows": 1, "cols": 1}}
+    (sensor / "settings.yaml").write_text(yaml.safe_dump(one | {"touch.label.map_rows": 1, "touch.label.map_cols": 1}))
+    times = list(map(stamp, T))
+    pd.DataFrame({"Time": times, "Reading": COUNTS[:, 0]}).to_csv(tmp_path / "skin.csv", index=False)
+    pd.DataFrame({"Time": times, "Force": FORCE}).to_csv(tmp_path / "cell.csv", index=False)
+    both = sorted((tmp_path / "skin.csv", tmp_path / "cell.csv"), key=lambda path: path.stem != first)
+    imported(*both, sensor / "single" / "run0", "--of", "touch")
+    assert "guessed: that 'Reading' is v0" in capsys.readouterr().out
+    fmt = touch.array_format({"sensor": {"rows": 1, "cols": 1}, "ingest": {"highest_count": 1023}})
+    counts = parse.read_log(sensor / "single" / "run0" / "array.log", fmt)[0]
+    assert np.array_equal(matrix(counts)[:, 0], COUNTS[:, 0])
+    assert matrix(logs_of_cell(sensor / "single" / "run0"))[:, 0] == pytest.approx(FORCE)
+    imported(tmp_path / "skin.csv", sensor / "single" / "run1", "--of", "touch")
+    assert "load_cell.log: not found in" in capsys.readouterr().out
+    assert not (sensor / "single" / "run1" / "load_cell.log").exists()
+
+
+def test_recordings_of_one_sensor_have_one_gain(run0, tmp_path, capsys):
+    """Files of one sensor in volts, of unlike peaks: a volt is worth the same counts in all, or the file is refused."""
+
+    def written(name, factor):
+        volts = {f"ch{k}": np.round(factor * COUNTS[:, k], 5) for k in range(6)}
+        pd.DataFrame({"time_s": T} | volts | {"fz_n": FORCE}).to_csv(tmp_path / name, index=False)
+        return tmp_path / name
+
+    def scale(run):
+        return yaml.safe_load((run / "origin.yaml").read_text())["logs"]["array.log"]["scale"]
+
+    high, low, millivolts = written("a.csv", 2.1e-3), written("b.csv", 0.7e-3), written("c.csv", 2.1)
+    run1, run2 = run0.with_name("run1"), run0.with_name("run2")
+    imported(high, run0, "--of", "touch")
+    imported(low, run1, "--of", "touch")
+    assert f"may be rounded at the scale and offset of {run0 / 'origin.yaml'}" in capsys.readouterr().out
+    assert scale(run0) == scale(run1)
+    with pytest.raises(InputError, match="c.csv: readings are no counts of 0 to 1023 at the scale and offset of"):
+        imported(millivolts, run2, "--of", "touch")
+
+
+def test_places_are_from_the_file_that_names_them(tmp_path):
+    sensor = tmp_path / "skin"
+    sensor.mkdir()
+    settings = {"strain.sensor.channels": 2, "strain.sensor.tasks": {"press": ["z"]}}
+    (sensor / "settings.yaml").write_text(yaml.safe_dump(settings))
+    columns = {"daq": {"u0": X / 10, "u1": Y / 10}, "cell": {"Force": FORCE}, "arm": {"Z": Z}}
+    for name, of_device in columns.items():
+        pd.DataFrame({"Time": T} | of_device).to_csv(tmp_path / f"{name}.csv", index=False)
+    imported(*(tmp_path / f"{name}.csv" for name in columns), sensor / "press" / "run0", "--of", "strain")
+    fmt = strain.formats({"sensor": {"channels": 2, "tasks": {"press": ["z"]}}})["robot.log"]
+    robot = parse.read_log(sensor / "press" / "run0" / "robot.log", fmt)[0]
+    assert robot["z_mm"].to_numpy() == pytest.approx(Z)
+
+
+@pytest.mark.parametrize(
+    ("names", "taken"),
+    [
+        (("force_x", "force_y", "force_z", "pos_x", "pos_y", "pos_z"), ("force_z", "pos_x", "pos_y", "pos_z")),
+        (("Fx", "Fz", "x", "y", "z"), ("Fz", "x", "y", "z")),
+        (("force_setpoint", "force", "x", "y", "z"), ("force", "x", "y", "z")),
+        (("force_left", "force_right", "x", "y", "z"), None),
+    ],
+)
+def test_of_several_columns_of_a_kind_the_right_one_is_taken(names, taken, run0, tmp_path, capsys):
+    """Each column is another number throughout."""
+    columns = {"time_s": T} | {f"ch{k}": COUNTS[:, k] for k in range(6)}
+    columns |= {name: k + 0.001 * np.arange(ROWS) - 9 for k, name in enumerate(names)}
+    pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
+    imported(tmp_path / "a.csv", run0, "--of", "touch")
+    if taken is None:
+        assert "force_left, force_right could each be fz_n; rename the others" in capsys.readouterr().out
+        assert not (run0 / "load_cell.log").exists()
+        return
+    read = np.hstack([matrix(logs_of(run0)[log]) for log in ("load_cell", "cnc")])
+    assert read == pytest.approx(np.column_stack([columns[name] for name in taken]))
+
+
+@pytest.mark.parametrize(("moves_mm", "scale"), [(5.0, 1), (0.08, 1000)])
+def test_an_arm_that_rests_at_first_is_not_in_metres(moves_mm, scale, run0, tmp_path):
+    """Of 4000 lines the first 1500 are at rest, but for noise; less than 0.2 in the whole log is in metres."""
+    time = 0.01 * np.arange(4000)
+    places = np.where(time < 15, 0.0, moves_mm * np.sin(time - 15)) + 0.002 * np.sin(7 * time)
+    columns = {"time_s": time} | {axis: np.round(places, 3) for axis in "xyz"}
+    pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
+    imported(tmp_path / "a.csv", run0, "--of", "touch")
+    assert matrix(parse.read_log(run0 / "cnc.log", touch.CNC)[0])[:, 0] == pytest.approx(scale * columns["x"])

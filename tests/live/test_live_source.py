@@ -85,7 +85,7 @@ def test_a_header_says_in_which_order_the_columns_come(lines, tmp_path):
 
 def test_a_header_of_other_names_is_refused(lines):
     with pytest.raises(
-        InputError, match="array.log: line 2 names the column force; known are t_us, v0, ..., v5: rename"
+        InputError, match="array.log: line 2 names the column force; known are t_us, v0, ..., v5; rename"
     ):
         lines.take(b"boot\n" + lines.format.header.replace("v3", "force").encode() + b"\n" + printed(press(2)))
 

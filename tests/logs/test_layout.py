@@ -14,6 +14,7 @@ from pipeline.experiments import strain, touch
 from pipeline.live.source import Lines, replay
 from pipeline.logs import layout, parse, sniff
 from pipeline.logs.formats import Column, Format
+from pipeline.own import logs as own_logs
 
 ROWS = 90
 DAQ = strain.formats({"sensor": {"channels": 3}})["daq.log"]
@@ -302,6 +303,26 @@ def test_readings_are_scaled_and_turned(tmp_path):
     rows, _ = parse.read_log(path, fmt, layout=laid_out)
     assert rows["t_us"].to_pylist() == [100_000, 200_000]
     assert rows["v0"].to_pylist() == [1023 - 51, 1023 - 101] and rows["fz"].to_pylist() == [2, 6]
+
+
+def test_a_header_further_on_may_not_differ(tmp_path):
+    """The same one, and a banner of as many words, are none that differ."""
+    fmt = Format((Column("t_us", "us", 0, 4e15, True), Column("fz_n", "N", -1000, 1000)), "t_us")
+    text = "Time (us),Force (N)\n1,2\n2,3\n{}\n3,4\n"
+    for line in ("Time (us),Force (N)", "HX711, ready"):
+        rows, rejects = parse.read_log(written(tmp_path, text.format(line)), fmt, layout={"separator": ","})
+        assert rows.num_rows == 3 and rejects["line"].to_pylist() == [4]
+    for line in ("Time (us),Force (kN)", "Time (us),Torque"):
+        with pytest.raises(InputError, match=r"line 4 names the columns Time .*, but line 1 Time \(us\), Force"):
+            parse.read_log(written(tmp_path, text.format(line)), fmt, layout={"separator": ","})
+
+
+def test_readings_that_were_filled_are_counted(tmp_path):
+    fmt = Format((Column("t_s", "s", 0, 1e9), *(Column(f"u{k}", "V", -10, 10) for k in range(2))), "t_s")
+    path = written(tmp_path, "0,1,5\n1,,5\n2,nan,5\n3,4,5\n4,,5\n5,4,5\n")
+    assert layout.filled(path, {"missing": "previous"}, fmt) == {"u0": (3, 2)}
+    report = own_logs.read_one(path, fmt, {"missing": "previous"}).report
+    assert report["filled"] == {"u0": (3, 2)} and report["accepted"] == 6
 
 
 def test_midnight_is_passed(tmp_path):

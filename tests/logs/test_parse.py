@@ -1,6 +1,7 @@
 """Raw logs: every line becomes a row or a reject with the right number and reason."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -388,7 +389,7 @@ HEADERS = {  # the order of the columns that a first line of PLACES tells; None:
     b'"t_us","z_mm","x_mm","y_mm"': "t_us z_mm x_mm y_mm",
     b"# t_us,z_mm,x_mm,y_mm": "t_us z_mm x_mm y_mm",
     b"Time,Ch1,Ch2,Ch3": "t_us x_mm y_mm z_mm",
-    b"Time,Ch3,Ch2,Ch1": "line 1 names the columns Time, Ch3, Ch2, Ch1; known are t_us, x_mm, y_mm, z_mm: rename",
+    b"Time,Ch3,Ch2,Ch1": "line 1 names the columns Time, Ch3, Ch2, Ch1; known are t_us, x_mm, y_mm, z_mm; rename",
     b"Time,X,Y,Z": "line 1 names the columns Time, X, Y, Z; known are",
     b"t_us,x_mm,y_mm,depth": "line 1 names the column depth; known are .* or remove the header line if the columns are",
     b"t_us,x_mm,x_mm,z_mm": "line 1 names x_mm twice and not y_mm; rename",
@@ -426,6 +427,17 @@ def test_a_header_of_another_order_further_on_is_refused(tmp_path):
     content = frame(1) + b"t_us,v0,v1\n" + frame(2) + b"t_us,v1,v0\n" + frame(3)
     with pytest.raises(InputError, match=r"device\.log: line 4 names the columns in another order than those above"):
         read_log(write(tmp_path, content), COUNTS)
+
+
+@pytest.mark.parametrize("line", [b"t_us,fz_mn", b"t_us,Fz (kN)"])
+def test_a_header_of_another_unit_or_name_further_on_is_refused(line, tmp_path):
+    cell = Format((COUNTS.columns[0], Column("fz_n", "N", -10, 10)), "t_us")
+    rows = [b"%d,1\n" % (20_000 * k) for k in range(60)]
+    content = b"t_us,fz_n\n" + b"".join(rows[:30]) + line + b"\n" + b"".join(rows[30:])
+    with pytest.raises(InputError, match=rf"line 32 names the columns {re.escape(line.decode())}, which are others"):
+        read_log(write(tmp_path, content), cell)
+    assert read_log(write(tmp_path, content.replace(line, b"t_us, Fz (N)")), cell)[1]["line"].to_pylist() == [32]
+    assert read_log(write(tmp_path, content.replace(line, b"HX711, ready")), cell)[1]["line"].to_pylist() == [32]
 
 
 @pytest.mark.parametrize("begin", [2**32 - 100_000, 2**31 - 100_000], ids=["unsigned", "signed"])
