@@ -104,7 +104,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
 
     None where there are none. Raises InputError where a file is not as indexed.
     """
-    tables = [pd.DataFrame(columns=COLUMNS)]
+    tables = [pd.DataFrame(columns=[*COLUMNS, "of"])]
     index, times = folder(workspace) / "index.csv", table(folder(workspace) / "times.csv", TIMES)
     of_shard = dict(list(times.astype({"seed": int, "train_s": float}).groupby("shard")))
     for row in pd.read_csv(index, dtype=str).itertuples() if index.exists() else ():
