@@ -114,7 +114,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
         rows = read_csv(path, COLUMNS, MADE_BY)
-        tables.append(rows.assign(of=int(row.seed)))
+        tables.append(rows.assign(of=int(row.shard.rsplit("-", 2)[1])))
         if row.shard in of_shard:
             tables.append(_training_times(of_shard[row.shard], rows, row.budget))
     return _once(pd.concat(tables, ignore_index=True))

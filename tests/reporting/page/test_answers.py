@@ -63,9 +63,10 @@ def test_a_table_and_findings_say_the_evidence(reported):
     (row,) = (row for row in touch.table.rows if row[0] == "LoMP")
     assert row[4] == "7.49" and row[5].startswith("8.20 [") and row[6] == "near"
     assert "random windows" in touch.basis and "2 seeds" in touch.basis and "budget full" in touch.basis
-    best, linear, stream = touch.findings
+    best, messages, linear, stream = touch.findings
     assert best.verdict == "reproduced" and "8.2 kPa" in best.text and "ConvLSTM, has 10.0 kPa" in best.text
-    assert "less often than LoMP" in linear.text and "1.7 times its error" in linear.text
+    assert "less often than LoMP" in linear.text and "1.7 times LoMP's error" in linear.text
+    assert messages.text.startswith("Not computed yet")
     assert "2 of the 4 trainings of streaming LoMP" in stream.text, "one above the constant model is a failed one"
     assert {at.model for at in touch.points["Two touches"]} == set(CONTENT_MODELS) | {"lomp", "convlstm"}
     assert strain.table.rows[0][1:] == ["0.43", "27.00"] and answers.NOT_COMPUTED in strain.basis
