@@ -42,6 +42,7 @@ UNFINISHED = 0.05  # share of presses after which a reading does not come back, 
 HOLD_S = 1.0  # at the end of a grasp
 LIVE = 0.03  # of the highest reading of any element; a cell that never comes to it is not touched
 HALF = 0.5  # of the samples of holds: an element that stands at its limit for longer is clipped there
+PRESSED = ("response", "busy", "settled", "rise_s", "fall_s", "late_s")  # fields of Cycles that a limit changes
 SAME = 0.99  # of the response: a reading that has come so far at 90 % of the stimulus
 ANSWERS = 5.0  # times its noise: an element that answers less to full presses is dead
 
@@ -98,8 +99,8 @@ def full_scale_output(given: Known) -> np.ndarray:
     return mean(response, np.isfinite(response))
 
 
-def clipped(given: Known) -> str:
-    """Return the sentence on elements that stand at a limit for more than half of the holds; "" where none does.
+def clipped(given: Known) -> tuple[list[int], str]:
+    """Return the elements that stand at a limit for more than half of the holds, and the sentence on them, "" for none.
 
     Readings that are all alike in equal presses look the same, so that a limit has to be reached at 90 % of the
     stimulus already, or by presses that differ. Without a stimulus: the highest cell, in the last second of grasps.
@@ -108,12 +109,12 @@ def clipped(given: Known) -> str:
     if given.untold == NO_STIMULUS:
         tops = [log.reading[log.time_s >= log.time_s[-1] - HOLD_S].max(axis=1) for log in given.sensor.logs]
         at_top = np.mean([np.mean(top >= high.max()) for top in tops]) > HALF and len(tops) >= FEWEST
-        return f"the readings are clipped at {high.max():.4g}" if at_top else ""
+        return [], f"the readings are clipped at {high.max():.4g}" if at_top else ""
     cycle = given.cycles
     resolved = np.isfinite(cycle.up[:, -1])
     response, early = (mean(np.where(resolved, part, np.nan), resolved) for part in (cycle.response, cycle.up[:, -1]))
     stimulus = np.where(np.isfinite(cycle.response), cycle.stimulus[:, None], np.nan)
-    found = []
+    found = {}
     for element in np.flatnonzero(np.isfinite(stimulus).any(axis=0)):
         shares = cycle.at_limit[:, :, element]
         for k, limit in enumerate((low[element], high[element])):
@@ -121,17 +122,27 @@ def clipped(given: Known) -> str:
             if mean(shares[:, k], np.isfinite(shares[:, k])) > HALF and (
                 early[element] >= SAME * response[element] or np.ptp(held) > ALIKE * given.full_scale
             ):
-                found.append(limit)
+                found[int(element)] = limit
     if not found:
-        return ""
+        return [], ""
     which = "the readings" if given.sensor.elements == 1 else f"the readings of {len(found)} of the elements"
-    return f"{which} are clipped at {found[0]:.4g}"
+    return list(found), f"{which} are clipped at {next(iter(found.values())):.4g}"
 
 
-def at_least(given: Known, found: Estimate) -> Estimate:
-    """Return a line as it is, or as a lower bound where readings are clipped."""
-    why = clipped(given) if found.told else ""
-    return found._replace(reason=why, bound="at least") if why else found
+def bounded(given: Known, found: Estimate, bound: str) -> Estimate:
+    """Return a line as it is, or as a bound, "at least" or "at most", where readings are clipped."""
+    why = clipped(given)[1] if found.told else ""
+    return found._replace(reason=why, bound=bound) if why else found
+
+
+def unclipped(given: Known) -> Known:
+    """Return what is known with the pressed readings of clipped elements left out; they are NaN."""
+    elements, _ = clipped(given)
+    cycle = given.cycles
+    parts = {name: getattr(cycle, name).copy() for name in PRESSED}
+    for part in parts.values():
+        part[..., elements] = np.nan
+    return given._replace(cycles=cycle._replace(**parts))
 
 
 def span(given: Known) -> Estimate:
@@ -142,11 +153,11 @@ def span(given: Known) -> Estimate:
     """
     if given.untold == NO_STIMULUS:
         highest = grasps(given.sensor).held.max(axis=1, keepdims=True)
-        return at_least(given, ratio_of_sums(highest, np.ones_like(highest), given.sensor.unit))
+        return bounded(given, ratio_of_sums(highest, np.ones_like(highest), given.sensor.unit), "at least")
     if given.untold:
         return cannot_tell(given.sensor.unit, given.untold)
     response = given.cycles.response
-    return at_least(given, ratio_of_sums(response, ones(response), given.sensor.unit))
+    return bounded(given, ratio_of_sums(response, ones(response), given.sensor.unit), "at least")
 
 
 def sensitivity(given: Known) -> Estimate:
@@ -157,7 +168,7 @@ def sensitivity(given: Known) -> Estimate:
     unit = f"{given.sensor.unit}/{given.sensor.stimulus or 'N'}"
     if given.untold:
         return cannot_tell(unit, given.untold)
-    return at_least(given, ratio_of_sums(given.cycles.response, given.cycles.stimulus[:, None], unit))
+    return bounded(given, ratio_of_sums(given.cycles.response, given.cycles.stimulus[:, None], unit), "at least")
 
 
 def non_linearity(given: Known) -> Estimate:
@@ -229,7 +240,8 @@ def drift_of_rest(given: Known) -> Estimate:
     rest = centred(given.cycles.rest[usable] * given.sign, log)
     above, below = (in_blocks(part, BLOCKS) for part in (hours * rest, np.broadcast_to(hours**2, rest.shape)))
     output = full_scale_output(given)
-    return ratio_of_sums(above, below, unit, finish=lambda slope: PERCENT * slope / output, n=int(usable.sum()))
+    found = ratio_of_sums(above, below, unit, finish=lambda slope: PERCENT * slope / output, n=int(usable.sum()))
+    return bounded(given, found, "in size at most")
 
 
 def spread_of_rest(given: Known) -> Estimate:
@@ -244,7 +256,8 @@ def spread_of_rest(given: Known) -> Estimate:
     left = np.square(centred(given.cycles.rest, log))
     free = np.broadcast_to(np.where(count > 1, 1 - 1 / count, np.nan)[place][:, None], left.shape)
     left, free, output = in_blocks(left, BLOCKS), in_blocks(free, BLOCKS), full_scale_output(given)
-    return ratio_of_sums(left, free, "% FS", finish=lambda ratio: PERCENT * np.sqrt(ratio) / output, n=len(log))
+    found = ratio_of_sums(left, free, "% FS", finish=lambda ratio: PERCENT * np.sqrt(ratio) / output, n=len(log))
+    return bounded(given, found, "at most")
 
 
 def drift_of_gain(given: Known) -> Estimate:
@@ -320,7 +333,7 @@ def noise(given: Known, sums: np.ndarray, few: str) -> Estimate:
     unit = given.sensor.unit
     found = ratio_of_sums(sums[:, 0], sums[:, 1], unit, finish=lambda ratio: np.sqrt(ratio / 6), few=few)
     if found.told and found.value == 0:
-        return cannot_tell(unit, "the readings are all alike: the converter's steps are larger than the noise")
+        return cannot_tell(unit, "the readings are all alike: at a limit, or the converter's steps exceed the noise")
     return found
 
 
@@ -329,7 +342,7 @@ def signal_to_noise(given: Known) -> Estimate:
 
     The interval holds those of both. Where the noise is a bound, so is this.
     """
-    signal, noises = span(given), [noise_at_rest(given), noise_pressed(given)]
+    signal, noises = span(given), [noise_at_rest(given), noise_pressed(unclipped(given))]
     known = [line for line in noises if np.isfinite(line.value)]
     if not signal.value > 0 or not known:
         return cannot_tell("dB", noises[-1].reason if signal.value > 0 else signal.reason)
@@ -440,6 +453,7 @@ def spread_between_elements(given: Known) -> Estimate:
     return found._replace(smallest=np.nan, largest=np.nan)
 
 
+BOUNDED = (span, sensitivity, drift_of_rest, spread_of_rest, noise_at_rest, signal_to_noise)  # of clipped elements, too
 QUANTITIES: dict[str, Callable[[Known], Estimate]] = {
     "span": span,
     "sensitivity": sensitivity,
@@ -472,7 +486,13 @@ class Sheet(NamedTuple):
 def sheet(sensor: Sensor) -> Sheet:
     """Return the sheet of a sensor, every line of QUANTITIES."""
     given = known(sensor)
-    return Sheet(given, {name: quantity(given) for name, quantity in QUANTITIES.items()})
+    left, (elements, why) = unclipped(given), clipped(given)
+    lines = {name: quantity(given if quantity in BOUNDED else left) for name, quantity in QUANTITIES.items()}
+    for name, quantity in QUANTITIES.items():
+        if elements and quantity not in BOUNDED and np.isnan(lines[name].value):
+            whole = quantity(given)  # which would have a value, if a wrong one
+            lines[name] = cannot_tell(whole.unit, why) if np.isfinite(whole.value) else whole
+    return Sheet(given, lines)
 
 
 def extreme(ratio: np.ndarray) -> np.ndarray:

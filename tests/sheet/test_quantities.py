@@ -61,6 +61,10 @@ def test_readings_that_are_clipped_bound_the_span(peaks):
         for found, at in ((clipped, limit), (falls, 900 - limit)):
             assert found[name].bound == "at least" and found[name].reason == f"the readings are clipped at {at:.4g}"
         assert "clipped" not in whole[name].reason
+    for name in ("non-linearity", "hysteresis"):  # a share of a press whose top is not seen
+        assert np.isnan(clipped[name].value) and "clipped at" in clipped[name].reason and whole[name].told
+    assert "at a limit" in clipped["noise, pressed"].reason
+    assert clipped["spread of rest"].bound == "at most" and "clipped" in clipped["spread of rest"].reason
     assert clipped["span"].value < 0.8 * whole["span"].value and whole["span"].told
 
 
