@@ -20,7 +20,7 @@ MARKS = {EQUIVALENT: " =", CHANGES: " *"}  # behind an effect's name
 def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
     """Draw one matrix per condition, effects by models: the change of the error and the half of its interval, in %.
 
-    White: the whole interval lies inside the margin. Coloured: all of it lies outside. Hatched: neither is known.
+    White: the whole interval lies inside the margin. Coloured: all of it lies outside. Hatched: it lies on both sides.
     judged: an experiment's rows of physics.csv; unit: of the error.
     """
     conditions, models, effects = (list(dict.fromkeys(judged[name])) for name in ("condition", "model", "effect"))
@@ -63,7 +63,7 @@ def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
     figure.colorbar(picture, ax=axes[0].tolist(), pad=0.01, label="change of the error", **percent)
     note = (
         f"Numbers: change of the error ({unit}) in % ± half of its 90 % interval; "
-        f"white: the interval lies within {100 * MARGIN:.0f} %, coloured: outside, hatched: neither is known"
+        f"white: the interval lies within {100 * MARGIN:.0f} %, coloured: outside, hatched: the interval is on both sides"
     )
     figure.suptitle(f"{title}\n{note}")
     style.save(figure, path)
