@@ -188,7 +188,9 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         raise InputError(f"give one of the rules {', '.join(RULES)}, {UNTESTABLE}; found {', '.join(rules) or 'none'}")
     (rule,) = rules
     taken = dict(list(inspect.signature(RULES[rule]).parameters.items())[2:]) if rule in RULES else {}
-    options = {key: entry[key] for key in entry if key in taken}
+    options = {
+        key: _filled(entry[key], words) if isinstance(entry[key], str) else entry[key] for key in entry if key in taken
+    }
     needed = [key for key, option in taken.items() if option.default is option.empty and key not in (*options, "step")]
     if needed:
         raise InputError(f"the rule `{rule}` needs '{needed[0]}'")

@@ -91,8 +91,13 @@ def doubt(values: pd.Series, limit: float, scale: str, side: str) -> float:
     return float(stats.ttest_1samp(rises * there(values.dropna()), rises * there(limit), alternative=side).pvalue)
 
 
-def above(values: Values, printed: Printed, *, limit: float = 0.0, scale: str = results.PLAIN) -> Judgement:
-    """Judge a direction: the value is above the limit. Of several all must be; the one that decides is shown."""
+def above(
+    values: Values, printed: Printed, *, limit: float = 0.0, scale: str = results.PLAIN, unfinished: str = ""
+) -> Judgement:
+    """Judge a direction: the value is above the limit. Of several all must be; the one that decides is shown.
+
+    unfinished: why a whole training would raise the values: then nothing contradicts the claim.
+    """
     means = {name: interval(runs, scale) for name, runs in values.items()}
     doubts = {name: doubt(runs, limit, scale, "less") for name, runs in values.items()}
     decides, count = min(doubts, key=doubts.get), len(means)
@@ -105,6 +110,8 @@ def above(values: Values, printed: Printed, *, limit: float = 0.0, scale: str = 
     held = sum(mean.low > limit for mean in means.values())
     word = {REPRODUCED: "the narrowest is", CONTRADICTED: "decided by", UNDECIDED: "the least certain is"}[verdict]
     reason = f"{held} of {count} hold; {word} {decides}" if count > 1 else f"limit {limit:g}" if limit else ""
+    if unfinished and verdict == CONTRADICTED:
+        verdict, reason = UNDECIDED, "; ".join(filter(None, [reason, f"a bound, as {unfinished}"]))
     power, mean = _power(values, printed, lambda low, high: (low > limit).all(axis=-1), scale), means[decides]
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
 

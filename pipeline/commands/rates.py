@@ -146,7 +146,7 @@ def text(values: Mapping, experiment: str, rows: Sequence[Mapping]) -> str:
             "# Learning rates\n",
             f"Validation RMSE (kPa) of the best epoch by highest learning rate, split `{protocol}`, seed {first}; of "
             f"the two rates with the lowest errors also the mean over the seeds {seeds}, which decides. Each network "
-            "has its own recipe of params.yaml but for the rate; the same search for every network, further where the "
+            "has all of its own recipe of params but for the rate. The search is the same for all, further where the "
             f"lowest error is at an end of the grid. {len(rows)} trainings, {seconds:.0f} s of processes in all. "
             "No test part was read.\n",
             f"Diverged: {', '.join(diverged) or 'none'}.\n",
@@ -168,6 +168,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             f"params/{experiment}.yaml, {experiment}.models: no network to train; list one of {', '.join(NETWORKS)}"
         )
     paths.require(workspace.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}")
+    values = {**values, experiment: {**values[experiment], "budget": 1.0}}  # all epochs, not the look's share
     write(values, experiment, search(workspace, values, experiment, networks), workspace.reports / "rates")
 
 

@@ -45,7 +45,7 @@ class Area(NamedTuple):
         return slice(self.top, self.top + self.rows), slice(self.left, self.left + self.cols)
 
 
-# Areas (a) and (b) of the paper's glove (figure 6): palm and joints, counts of 10 bits.
+# Areas (a) and (b) of the paper's glove (section 1.3): palm and joints, counts of 10 bits.
 GLOVE = {"pressure": Area(15, 18), "strain": Area(15, 9, top=17, left=23, joint=3)}
 
 

@@ -508,6 +508,9 @@ def split(windows: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.
     did, so that test windows hold frames that were trained on. All other conditions are test data: models never see
     more than one touch (section IV-A); of these, both protocols test the windows that are apart. Windows of other
     arrays than the seed's are unused.
+    Differs from paper: the eight frames of a window are `touch.window.frame_step` apart, 5 frames or 0.1 s, so that a
+    window spans 0.7 s; the paper's are consecutive, at a rate that it does not give.
+
     Differs from paper: every seed has another array, other presses and another split, so that an interval over seeds
     covers all of these; the paper has one of each and no interval.
 

@@ -34,7 +34,8 @@ def build(
     Hidden 128 and read-out widths 128, 64 give 2,741,712 parameters and 17.5e6 multiply-accumulates.
     Raises InputError as `maker`.
     Differs from paper: left open there and chosen here on validation windows: 4 neighbours, alpha 1, batches of
-    32, zero state at the start of a window, loss on the last frame.
+    32, zero state at the start of a window, loss on the last frame. An alpha of 1 is no discount, as the paper calls
+    it; lower ones had higher errors.
     """
     return WindowLomp(maker(spec, hidden, readout, neighbours, alpha), spec, training)
 

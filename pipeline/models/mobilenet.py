@@ -25,7 +25,7 @@ def build(spec: Spec, *, training: AugmentedTraining) -> ImageClassifier:
     The last pair sees maps of one pixel.
 
     Differs from paper: the counts printed there are those of 3x224x224 images and 1000 classes; this one sees the
-    same images as every other model.
+    same images as every other model, which the paper may have enlarged for it.
     """
     return ImageClassifier(lambda: network(1, spec.outputs, (spec.rows, spec.cols)), spec, training)
 

@@ -65,7 +65,7 @@ def test_the_papers_own_numbers_reproduce_its_claims(paper):
         if np.isfinite(claim.published) and claim.rule != "about":  # "doubles" is 1.5 to 2.2 in the paper's own table
             assert found.ours == pytest.approx(claim.published, rel=1e-3, abs=1e-2), claim.id
             assert np.isnan(found.power) or found.power > 0.95, claim.id  # ours hardly spread there
-    assert tested == {"lomp": 40, "latent": 17, "sp_resnet": 63}[paper]
+    assert tested == {"lomp": 39, "latent": 17, "sp_resnet": 65}[paper]
 
 
 def test_sentences_and_numbers_are_judged_on_their_own_protocol():
@@ -86,8 +86,9 @@ def judged(claim: str, **changes) -> rules.Judgement:
     """The verdict on a claim of LoMP, or on its entry, by errors of three seeds: `model_condition=level`."""
     levels = {f"{row.model}_{row.condition}": row.value for row in published.table("lomp").itertuples()} | changes
     rows = [
-        {"experiment": "touch", "protocol": "press", "condition": name.split("_")[1], "model": name.split("_")[0]}
+        {"experiment": "touch", "protocol": protocol, "condition": name.split("_")[1], "model": name.split("_")[0]}
         | {"metric": "rmse", "seed": seed, "value": value}
+        for protocol in ("press", "random_window")
         for name, level in levels.items()
         for seed, value in zip(SEEDS, np.ravel(level) if np.ndim(level) else spread((name,), level, 1e-6), strict=False)
     ]
@@ -97,7 +98,7 @@ def judged(claim: str, **changes) -> rules.Judgement:
 @pytest.mark.parametrize(
     ("claim", "changes", "verdict", "words"),
     [
-        ("lomp-conventional-single", {"poly_single": 3.0}, REPRODUCED, "the narrowest is LoMP against Polynomial"),
+        ("learning-single", {"poly_single": 3.0}, REPRODUCED, "the narrowest is ConvLSTM against Polynomial"),
         ("lomp-best-double", {"poly_double": 3.0}, CONTRADICTED, "7 of 8 hold; decided by LoMP against Polynomial"),
         ("lomp-best-double", {"rbf_double": [5.0, 7.0, 11.0]}, UNDECIDED, "the least certain is LoMP against RBF-Net"),
         ("nonlinear-single", {"poly_single": 9.0}, CONTRADICTED, ""),
@@ -147,6 +148,8 @@ def test_verdicts_turn_with_the_numbers(claim, changes, verdict, words):
         ("near", [-2.0, -2.2, -2.1], {}, OFF),  # a gain that is a loss
         ("about", [2.4, 2.41, 2.42], {}, REPRODUCED),
         ("about", [2.7, 2.71, 2.72], {}, CONTRADICTED),
+        ("above", [-1.0, -1.1, -0.9], {"unfinished": "of few epochs"}, UNDECIDED),  # would rise when finished
+        ("above", [1.0, 1.1, 0.9], {"unfinished": "of few epochs"}, REPRODUCED),
         ("near", [10.9, 10.91, 10.92], {"best": 12.0}, MATCHES),  # error 1.1 where the paper's is 10: see printed
         ("near", [10.9, 10.91, 10.92], {"best": 12.0, "unfinished": "of few epochs"}, UNDECIDED),
         ("near", [2.7, 2.71, 2.72], {"unfinished": "of few epochs"}, UNDECIDED),

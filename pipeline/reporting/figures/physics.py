@@ -63,7 +63,7 @@ def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
     figure.colorbar(picture, ax=axes[0].tolist(), pad=0.01, label="change of the error", **percent)
     note = (
         f"Numbers: change of the error ({unit}) in % ± half of its 90 % interval; "
-        f"white: the interval lies within {100 * MARGIN:.0f} %, coloured: outside, hatched: the interval is on both sides"
+        f"white: the interval lies within {100 * MARGIN:.0f} %, coloured: outside, hatched: on both sides"
     )
     figure.suptitle(f"{title}\n{note}")
     style.save(figure, path)
