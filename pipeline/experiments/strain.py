@@ -8,7 +8,6 @@ import pyarrow as pa
 from scipy.stats import theilslopes
 
 from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
 from pipeline.logs import alignment, layout, parse
 from pipeline.logs.formats import Column, Format
@@ -583,13 +582,3 @@ def recording_of(seed: int, names: Iterable[str]) -> str:
     """
     different = sorted(set(names))
     return different[seed % len(different)]
-
-
-def true_drift(workspace: Workspace, protocol: str, seed: int, time_s: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the strands' true drift, (n, strands), at times (n,) of the DAQ's clock; {} without simulated logs."""
-    folder = workspace.logs("strain") / protocol
-    names = [path.parent.name for path in folder.glob("*/truth.csv")]
-    if not names:
-        return {}
-    truth = np.loadtxt(folder / recording_of(seed, names) / "truth.csv", delimiter=",", skiprows=1)
-    return {"true drift": np.column_stack([np.interp(time_s, truth[:, 0], column) for column in truth[:, 1:].T])}

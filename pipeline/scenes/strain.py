@@ -259,6 +259,23 @@ def drifts(steps: int, strands: int, settings: Mapping, rng: np.random.Generator
     return d if settings["effects"]["drift"] else np.zeros_like(d)
 
 
+def drift_at_samples(task: str, name: str, settings: Mapping, strands: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times (n,) in s of a recording's samples, on the DAQ's clock, and d of equation 6, (n, strands).
+
+    It is the drift that the logs of the recording have, drawn again; settings: the block strain.simulate.
+    """
+    steps = len(recording_of(settings, task, name, settings["specimen"]).place_mm)
+    d = drifts(steps, strands, settings, generator(settings["seed"], task, name, "drift"))
+    rng = generator(settings["seed"], task, name, "daq")
+    times = daq_times(settings, rng)
+    return own_clock(times, settings["devices"], rng), sampled(d, np.arange(steps) * STEP_S, times)
+
+
+def sampled(values: np.ndarray, time_s: np.ndarray, at_s: np.ndarray) -> np.ndarray:
+    """Return values (n, columns) of times (n,) at other times (k,), (k, columns), between which they are linear."""
+    return np.column_stack([np.interp(at_s, time_s, column) for column in values.T])
+
+
 def voltages(change: np.ndarray, circuit: Mapping) -> np.ndarray:
     """Return V of equation 7 for the relative change of resistance m + d; `reference_share` is R_ref / R_0."""
     resistance = 1 + change
@@ -305,7 +322,8 @@ def logs_of(recording: Recording, settings: Mapping, strands: int) -> dict[str, 
     """Return the raw logs of one recording: file name -> (lines without line ends, injected faults).
 
     settings: the block strain.simulate; strands: how many the finger has.
-    `truth.csv` is no log: it has the true drift of every strand, m + d - e, at each sample of the DAQ, on its clock.
+    `truth.csv` is no log: it has what every strand adds to its strain, m + d - e, at each sample of the DAQ, on its
+    clock.
     """
     devices, effects = settings["devices"], settings["effects"]
     # One generator per purpose, so that switching one effect off leaves the others as they are.
@@ -317,24 +335,21 @@ def logs_of(recording: Recording, settings: Mapping, strands: int) -> dict[str, 
     strain = strains(recording, settings, strands)
     change = responses(strain, recording, settings) + drifts(len(grid), strands, settings, rng["drift"])
 
-    def sampled(values: np.ndarray, at_s: np.ndarray) -> np.ndarray:
-        return np.column_stack([np.interp(at_s, grid, column) for column in values.T])
-
     times = daq_times(settings, rng["daq"])
     clock = own_clock(times, devices, rng["daq"])
-    volts = sampled(voltages(change, settings["circuit"]), times)
+    volts = sampled(voltages(change, settings["circuit"]), grid, times)
     if effects["noise"]:
         volts += rng["noise"].normal(0, settings["circuit"]["noise_v"], volts.shape)
     lines = {"daq.log": rows(clock, np.clip(volts, -HIGHEST_V, HIGHEST_V), 5)}
     start = rng["robot"].uniform(0, devices["clock_offset_s"])
     moments = np.arange(start, grid[-1], 1 / devices["robot_hz"])
-    lines["robot.log"] = rows(own_clock(moments, devices, rng["robot"]), sampled(recording.place_mm, moments), 3)
+    lines["robot.log"] = rows(own_clock(moments, devices, rng["robot"]), sampled(recording.place_mm, grid, moments), 3)
 
     logs: dict[str, tuple[list[str], list[Fault]]] = {}
     for name, whole in lines.items():
         logs[name] = inject(whole, settings["faults"], rng["faults"]) if effects["line_faults"] else (whole, [])
     header = ",".join(["t_s", *(f"drift{k}" for k in range(strands))])
-    logs["truth.csv"] = ([header, *rows(clock, sampled(change - strain, times), 7)], [])
+    logs["truth.csv"] = ([header, *rows(clock, sampled(change - strain, grid, times), 7)], [])
     return logs
 
 

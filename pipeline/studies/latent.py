@@ -2,9 +2,10 @@
 
 Writes tables of one seed: samples.csv (error against the number of training samples), capacity.csv (against the
 size of the LSTM), strands.csv (against the number of strands that all models see), bases.csv (of transfer from a
-model-0 that was trained on another task), drift.csv (how well elapsed time and the strands' true drift can be read from
-the raw voltages and from the latent space) and latents.csv (states of model-0 on task 2, for figure 7). Errors are
-those of the test part; drift.csv is from held-out blocks of all but the first minute.
+model-0 that was trained on another task), drift.csv (how well elapsed time, the strands' true drift and their whole
+deviation from the strain can be read from the raw voltages and from the latent space) and latents.csv (states of
+model-0 on task 2, for figure 7). Errors are those of the test part; drift.csv is from held-out blocks of all but the
+first minute.
 Usage: python -m pipeline.studies.latent strain SEED
 """
 
@@ -20,6 +21,7 @@ from pipeline.base import arguments, files, params, paths, workers
 from pipeline.base.paths import Workspace
 from pipeline.datasets import series
 from pipeline.experiments import strain
+from pipeline.scenes import strain as scene
 from pipeline.tasks import series as tasks_series
 
 BLOCK_S = 120.0  # decoding is tested on every fifth block of this length, trained on the others
@@ -154,14 +156,44 @@ def _decode(workspace: Workspace, values: Mapping, protocol: str, seed: int) -> 
         outputs = strain.task(task.base if "model-0" in name else protocol, settings).outputs
         network = lstm.LstmRegressor(spec._replace(map_cols=len(outputs)), 1, None, transfer=False)
         network.load(folder)
+        if "model-0" in name:
+            _rescale(network, piece)
         inputs[name] = network.latents(x)[rows]
-    known = strain.true_drift(workspace, protocol, seed, at) if settings["source"] == "simulated" else {}
+    known = true_drift(workspace, settings, protocol, seed, at) if settings["source"] == "simulated" else {}
     targets = {"elapsed time": at[:, None], **known}
     return [
         (protocol, name, target, seed, "r2", "1", decoded(given, truth, at))
         for name, given in inputs.items()
         for target, truth in targets.items()
     ]
+
+
+def true_drift(
+    workspace: Workspace, settings: Mapping, protocol: str, seed: int, time_s: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return two truths of simulated strands at times (n,) of the DAQ's clock, each (n, strands); {} without logs.
+
+    The true drift is that of the reading at rest (d of the scene's equation 6). The true deviation is all that differs
+    from the strain, drift, relaxation and lag (m + d - e). settings: the block `strain`.
+    """
+    folder = workspace.logs("strain") / protocol
+    names = [path.parent.name for path in folder.glob("*/truth.csv")]
+    if not names:
+        return {}
+    name = strain.recording_of(seed, names)
+    clock_s, drift = scene.drift_at_samples(protocol, name, settings["simulate"], settings["sensor"]["channels"])
+    truth = np.loadtxt(folder / name / "truth.csv", delimiter=",", skiprows=1)
+    return {
+        "true drift": scene.sampled(drift, clock_s, time_s),
+        "true deviation": scene.sampled(truth[:, 1:], truth[:, 0], time_s),
+    }
+
+
+def _rescale(network, piece: series.Piece) -> None:
+    """Let model-0 (an LstmRegressor) see a task as transfer does: scaled by that task's training part."""
+    from pipeline.learning.series_regressors import Scaling
+
+    network.scaling = Scaling.of_training(series.seen_in_training([piece]))
 
 
 def settled(time_s: np.ndarray, frames: int) -> np.ndarray:
@@ -248,6 +280,7 @@ def _write_latents(workspace: Workspace, values: Mapping, seed: int, path: Path)
     network = lstm.LstmRegressor(spec, 1, None, transfer=False)
     network.load(workspace.run_folder("strain", paths.MODEL_ZERO, task.base, seed))
     (piece,) = series.read(workspace.dataset("strain"), task, "task_2", seed)
+    _rescale(network, piece)
     first = int(np.flatnonzero(piece.part == "test")[0])
     states = network.latents(piece.record.x[: first + LATENT_SAMPLES])[first:]
     table = np.column_stack([piece.time_s[first : first + len(states)], states])

@@ -303,16 +303,6 @@ def test_only_pressed_samples_count_where_a_depth_is_set(settings, lines, whole,
     assert strain.task("task_1", masked).pressed_only and not strain.task("task_1", settings).pressed_only
 
 
-def test_true_drift_is_that_of_the_seeds_recording(workspace, tmp_path, monkeypatch):
-    assert strain.true_drift(workspace, "task_1", 0, np.zeros(1)) == {}
-    for k in range(2):
-        folder = workspace.logs("strain") / "task_1" / f"run00{k}"
-        folder.mkdir(parents=True)
-        (folder / "truth.csv").write_text(f"t_s,drift0\n0,{k}\n1,{k + 2}\n")
-    for seed, value in ((0, 1.0), (1, 2.0), (2, 1.0)):
-        assert strain.true_drift(workspace, "task_1", seed, np.array([0.5]))["true drift"] == pytest.approx(value)
-
-
 def test_split_is_chronological(settings, whole):
     part = list(strain.split(whole[0], settings, "task_1", 0))
     order = [part.index(name) for name in ("train", "validation", "test")]

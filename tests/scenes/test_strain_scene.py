@@ -146,7 +146,17 @@ def test_logs_have_the_samples_asked_for_and_repeat(scene):
     assert truth[0].startswith("t_s,drift0") and len(truth) == 301
 
 
-def test_true_drift_is_all_that_is_not_strain(scene):
+def test_drift_is_what_the_logs_have_where_nothing_else_differs_from_the_strain(scene):
+    scene["effects"] |= {"relaxation": False, "asymmetry": False}
+    recording = strain.recordings(scene)[-1]
+    truth, _ = strain.logs_of(recording, scene, STRANDS)["truth.csv"]
+    known = np.loadtxt(truth, delimiter=",", skiprows=1)
+    clock_s, drift = strain.drift_at_samples(recording.condition, recording.name, scene, STRANDS)
+    assert clock_s == pytest.approx(known[:, 0], abs=1e-4) and drift == pytest.approx(known[:, 1:], abs=1e-6)
+    assert np.ptp(drift) > 1e-4
+
+
+def test_what_a_strand_adds_is_all_that_is_not_strain(scene):
     recording = strain.recordings(scene)[0]
     scene["effects"] |= {"drift": False, "relaxation": False, "asymmetry": False}
     truth, _ = strain.logs_of(recording, scene, STRANDS)["truth.csv"]
