@@ -21,6 +21,9 @@ class Lstm(nn.Module):
     Normalised inputs (N, T, n) to normalised outputs (N, T, m) through h units.
     Differs from paper: eqs. for c and h print a sigmoid where every LSTM library, the authors' too, has tanh.
     torch keeps a second bias vector; it stays zero and is not trained.
+    Differs from paper: weights and biases start uniform, as torch's, and without a penalty. Its MATLAB toolbox starts
+    the forget gate with a bias of 1 and the recurrent weights orthogonal, and penalises weights by 1e-4, unless told
+    otherwise.
     """
 
     def __init__(self, channels: int, units: int, outputs: int):
@@ -46,6 +49,9 @@ class LstmRegressor:
     `ridge`: penalty of a read-out solved in one step, or None to train the read-out with the recipe `training`.
     `units` holds only without `transfer`: model-0 and saved models bring their own number.
     Methods as those of every model of series (pipeline/models/__init__.py).
+
+    Differs from paper: it trains the read-out of transfer with the parameters of direct training; the authors' script
+    has ten times the learning rate, as here.
     """
 
     def __init__(
