@@ -79,7 +79,7 @@ def test_sentences_and_numbers_are_judged_on_their_own_protocol():
     for (paper, kind), protocols in kinds.items():
         assert protocols <= strict[paper] | papers[paper]
         assert kind == entries.NUMBER or not protocols & papers[paper], (paper, kind)
-    assert kinds["lomp", entries.NUMBER] >= papers["lomp"]
+    assert kinds["lomp", entries.NUMBER] == papers["lomp"]  # the SP-ResNet paper does not state its split
 
 
 def judged(claim: str, **changes) -> rules.Judgement:
