@@ -28,6 +28,17 @@ def test_every_shard_has_its_stage():
         assert {"set": name} in stages[name]["vars"] and {"experiment": each.experiment} in stages[name]["vars"]
 
 
+def test_the_index_has_the_digest_of_every_shard_as_it_is_kept():
+    """No file of an older computation has come back, not even where the lock of DVC was renewed after it."""
+    here = shards.folder(Workspace(ROOT))
+    for line in pd.read_csv(here / "index.csv").itertuples():
+        each = SETS[line.shard.rsplit("-", 2)[0]]
+        tables = LATENT if each.study == "latent" else [each.study]
+        kept = [shards.study_file(Workspace(ROOT), each.experiment, table, line.seed) for table in tables]
+        kept = kept if each.study else [here / "results" / f"{line.shard}.csv"]
+        assert shards.digest(kept) == line.sha256, line.shard
+
+
 @pytest.mark.parametrize("name", SETS)
 def test_a_set_is_of_settings_that_there_are(name, tmp_path):
     each = SETS[name]
