@@ -60,6 +60,8 @@ class Known(NamedTuple):
     sign: np.ndarray  # (E,) 1 where an element rises when pressed, else -1
     dead: list[int]  # elements that do not answer
     untold: str  # why no cycle tells anything, or ""
+    clipped: list[int]  # elements that stand at a limit
+    limit: str  # the sentence on these, or ""
 
 
 def known(sensor: Sensor) -> Known:
@@ -84,7 +86,9 @@ def known(sensor: Sensor) -> Known:
         settled=found.settled * turn[:, None],
     )
     sign = np.where(np.nansum(response, axis=0) < 0, -1.0, 1.0)
-    return Known(sensor, oriented, full_scale(sensor), sign, np.flatnonzero(dead).tolist(), untold)
+    given = Known(sensor, oriented, full_scale(sensor), sign, np.flatnonzero(dead).tolist(), untold, [], "")
+    elements, limit = clipped(given)
+    return given._replace(clipped=elements, limit=limit)
 
 
 def mean(above: np.ndarray, below: np.ndarray) -> np.ndarray:
@@ -131,17 +135,15 @@ def clipped(given: Known) -> tuple[list[int], str]:
 
 def bounded(given: Known, found: Estimate, bound: str) -> Estimate:
     """Return a line as it is, or as a bound, "at least" or "at most", where readings are clipped."""
-    why = clipped(given)[1] if found.told else ""
-    return found._replace(reason=why, bound=bound) if why else found
+    return found._replace(reason=given.limit, bound=bound) if found.told and given.limit else found
 
 
 def unclipped(given: Known) -> Known:
     """Return what is known with the pressed readings of clipped elements left out; they are NaN."""
-    elements, _ = clipped(given)
     cycle = given.cycles
     parts = {name: getattr(cycle, name).copy() for name in PRESSED}
     for part in parts.values():
-        part[..., elements] = np.nan
+        part[..., given.clipped] = np.nan
     return given._replace(cycles=cycle._replace(**parts))
 
 
@@ -486,12 +488,12 @@ class Sheet(NamedTuple):
 def sheet(sensor: Sensor) -> Sheet:
     """Return the sheet of a sensor, every line of QUANTITIES."""
     given = known(sensor)
-    left, (elements, why) = unclipped(given), clipped(given)
+    left = unclipped(given)
     lines = {name: quantity(given if quantity in BOUNDED else left) for name, quantity in QUANTITIES.items()}
     for name, quantity in QUANTITIES.items():
-        if elements and quantity not in BOUNDED and np.isnan(lines[name].value):
+        if given.clipped and quantity not in BOUNDED and np.isnan(lines[name].value):
             whole = quantity(given)  # which would have a value, if a wrong one
-            lines[name] = cannot_tell(whole.unit, why) if np.isfinite(whole.value) else whole
+            lines[name] = cannot_tell(whole.unit, given.limit) if np.isfinite(whole.value) else whole
     return Sheet(given, lines)
 
 
