@@ -65,7 +65,6 @@ CHOSEN = {
     "scoring/results.py": ("estimate", "scoring/test_results.py"),
     "reporting/verdicts/sizes.py": ("verdict judge excesses", f"{PAIRING} studies/test_sizes.py"),
     "reporting/verdicts/physics.py": ("_change", PAIRING),
-    "scoring/glove_results.py": ("gain", PAIRING),
     "scoring/conformal.py": ("quantile half_width class_threshold class_sets", "scoring/test_conformal.py"),
     "targets/validate.py": ("tests parts", "targets/test_grouped.py"),
     "models/rnn.py": ("forward", "general/test_time_order.py"),

@@ -10,8 +10,6 @@ from pipeline.claims.expressions import Result
 from pipeline.claims.rules import Open
 from pipeline.scoring.one_table import Results
 
-COSTS = ("p50_ms", "params", "macs")  # metrics that no budget of training changes
-
 
 class Evidence:
     """The results that the claims read, at one budget of training."""

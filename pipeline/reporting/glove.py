@@ -57,8 +57,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     by_number = draw_frames(workspace, accuracy, settings)
     if len(stag):
         draw_by_frames(accuracy / "figure15_stag.png", {"STAG": stag}, "Figure 15: the STAG data set")
-    if settings["source"] == "simulated":
-        draw_laws(accuracy, settings)
+    draw_laws(accuracy, settings)
     draw_grasp(accuracy / "figure10.png", table, objects)
     draw_sequences(workspace, accuracy / "figure13.png", settings["sensor"]["reference_ohm"], objects)
     asked = dict.fromkeys(protocols if "sp_resnet" in report.models else (), "sp_resnet")

@@ -72,7 +72,7 @@ class Report:
         """Name the processors and cards that the shards of the evidence were trained on; empty where there are none."""
         index = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX)
         kept = index[(index["experiment"] == self.experiment) & (index["protocol"] != shards.STUDY)]
-        return " or ".join(dict.fromkeys(kept["machine"])) if self.simulated else ""
+        return " or ".join(dict.fromkeys(kept["machine"]))
 
     def scored(self) -> dict[tuple[str, str], list[str]]:
         """Return (protocol, condition) -> the metrics that the models were scored by, in the order of scores.csv."""

@@ -12,14 +12,10 @@ import pyarrow as pa
 from pipeline.base.paths import Workspace
 from pipeline.datasets.images import classes, modality, split_name
 from pipeline.scoring import classification, studies
-from pipeline.scoring.results import Estimate, Scores, estimate, read_csv, read_predictions
+from pipeline.scoring.results import read_csv, read_predictions
 
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
 COMPARED = ("sp_resnet", "resnet3x3")  # by number of input frames, figure 15
-FORMS = {  # of an answer to several input frames, as input_frames.csv and stag.csv call them
-    "trained": "one network trained on all frames",
-    "mean": "mean prediction of a one-frame network",
-}
 FRAMES_COLUMNS = ["form", "model", "seed", "frames", "metric", "value"]
 MOST_CONFUSED = 3  # pairs that are listed; one that the paper names must be among them
 
@@ -41,7 +37,7 @@ def read_stag(workspace: Workspace) -> pd.DataFrame:
 
 
 def read_frames(workspace: Workspace, dataset: str, models: Sequence[str]) -> pd.DataFrame:
-    """Return the scores by number of input frames on one dataset of the glove, in both FORMS; columns as in stag.csv.
+    """Return the scores by number of input frames on one dataset of the glove, in both forms; columns as in stag.csv.
 
     No row where the study was not computed, or of another dataset than it trained on.
     """
@@ -63,7 +59,7 @@ def with_one_frame(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def judged_form(rows: pd.DataFrame) -> str:
-    """Return the one of FORMS that the claims on figure 15 are judged on: `trained` where there is one."""
+    """Return the form that the claims on figure 15 are judged on: `trained` where there is one."""
     return "trained" if (rows["form"] == "trained").any() else "mean"
 
 
@@ -108,24 +104,3 @@ def splits(settings: Mapping) -> dict[str, list[str]]:
 def main_protocols(settings: Mapping) -> dict[str, str]:
     """Return dataset -> its protocol in the main split."""
     return {modality(protocol): protocol for protocol in next(iter(splits(settings).values()))}
-
-
-def score(scores: Scores, protocol: str, model: str, metric: str = "macro_precision") -> Estimate:
-    """Return mean and interval over the seeds of one protocol, in percent."""
-    return scores.estimate(protocol, modality(protocol), model, metric).percent()
-
-
-def gain(scores: Scores, one: tuple[str, str], other: tuple[str, str], metric: str = "macro_precision") -> Estimate:
-    """Return how far `one` is above `other` in points, paired by seed; each is (protocol, model)."""
-    values = [
-        dict(zip(scores.protocols[p]["seeds"], scores.runs(p, modality(p), model, metric), strict=True))
-        for p, model in (one, other)
-    ]
-    return estimate([100 * (values[0][seed] - values[1][seed]) for seed in values[0] if seed in values[1]])
-
-
-def ranked(scores: Scores, settings: Mapping, protocol: str, metric: str = "macro_precision") -> dict[str, Estimate]:
-    """Return the models without a failed run, the best first, in percent."""
-    estimates = {model: score(scores, protocol, model, metric) for model in settings["models"]}
-    good = [model for model, value in estimates.items() if value.runs and not value.failed]
-    return {model: estimates[model] for model in sorted(good, key=lambda model: -estimates[model].mean)}

@@ -74,16 +74,6 @@ def score(experiment: str, model: str, condition: str, metric: str) -> float:
     return round(number(paper, model, condition, printed) / units, 6) if metric == ours else float("nan")
 
 
-def rmse(model: str, condition: str = "single") -> float:
-    """Return the error in kPa of LoMP's Table I; condition: single or double."""
-    return number("lomp", model, condition, "RMSE")
-
-
-def latent(model: str, task: str, metric: str) -> float:
-    """Return a number of the latent-space paper's Table I: parameters, training time (s) or test error (mm)."""
-    return number("latent", model, task, metric)
-
-
 def precision(model: str, dataset: str) -> float:
     """Return the precision in % of SP-ResNet's Tables 1 and 2; model: also a method of augmentation."""
     return number("sp_resnet", model, dataset, "precision")

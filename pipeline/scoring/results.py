@@ -138,14 +138,6 @@ class Scores:
             values.append(np.nan if failed else self._values[key])
         return values
 
-    def measured(self) -> list[tuple[str, str, str]]:
-        """Return every (protocol, condition, metric) that has a row, in the order of the file."""
-        return list(dict.fromkeys((protocol, condition, metric) for protocol, condition, _, _, metric in self._values))
-
-    def estimate(self, protocol: str, condition: str, model: str, metric: str) -> Estimate:
-        """Return mean and interval over the seeds of one protocol."""
-        return estimate(self.runs(protocol, condition, model, metric), scale_of(metric))
-
 
 def read_latency(workspace: Workspace, experiment: str, settings: dict) -> dict[tuple[str, int], dict]:
     """Read latency.csv as (model, batch) -> row, for every model and batch of params.yaml."""
@@ -181,10 +173,7 @@ def read_training_times(workspace: Workspace, experiment: str, model: str, proto
 class Fit(NamedTuple):
     """How one run was trained: fit.json and history.csv (epoch, train_loss, validation_loss)."""
 
-    stop_reason: str
     best_epoch: int
-    epochs: int
-    parameters: int
     history: pd.DataFrame
 
 
@@ -193,9 +182,8 @@ def read_fit(workspace: Workspace, experiment: str, model: str, protocol: str, s
     folder = workspace.run_folder(experiment, model, protocol, seed)
     made_by = params.training_command(experiment)
     fit = fits.read(folder, made_by)
-    values = [fit[name] for name in ("stop_reason", "best_epoch", "epochs", "parameters")]
     history = read_csv(folder / "history.csv", ["epoch", "train_loss", "validation_loss"], made_by)
-    return Fit(*values, history)
+    return Fit(fit["best_epoch"], history)
 
 
 def read_windows(workspace: Workspace, experiment: str) -> pa.Table:

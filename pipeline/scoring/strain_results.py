@@ -11,7 +11,6 @@ from pipeline.datasets import schemas
 from pipeline.scoring import studies
 from pipeline.scoring.results import read_csv, read_predictions
 
-TASKS = ("task_1", "task_2")  # of the paper's table
 LATENT = "latent of model-0"  # an input of the decoders, in drift.csv
 TIME_BINS = 10  # of the test part
 

@@ -12,7 +12,7 @@ from scipy import stats
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.claims import entries, evidence, expressions, judge, rules
+from pipeline.claims import entries, expressions, judge, rules
 from pipeline.claims.rules import CALIBRATED, CONTRADICTED, MATCHES, NEAR, OFF, OUTSIDE, REPRODUCED, UNDECIDED
 from pipeline.scoring import claim_inputs, one_table, published
 
@@ -46,7 +46,7 @@ def of_the_paper(paper: str) -> one_table.Results:
             for name in given.values() if isinstance(given, dict) else [given]:
                 key = (claim.experiment, name.format(condition=row.condition), row.condition, row.model)
                 key += (row.variant, metric)
-                values = [row.value] if metric in evidence.COSTS else spread(key, row.value)
+                values = [row.value] if metric in ("p50_ms", "params", "macs") else spread(key, row.value)
                 rows += [(*key, seed, value) for seed, value in zip(SEEDS, values, strict=False)]
     frame = pd.DataFrame(rows, columns=[*claim_inputs.KEY, "seed", "value"]).drop_duplicates()
     return one_table.Results(table(frame.to_dict("records")))

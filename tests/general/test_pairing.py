@@ -18,7 +18,7 @@ from pipeline.reporting import glove
 from pipeline.reporting.page import answers
 from pipeline.reporting.report import Report
 from pipeline.reporting.verdicts import physics, sizes
-from pipeline.scoring import claim_inputs, glove_results, ladders, one_table, results, shards, variants
+from pipeline.scoring import claim_inputs, ladders, one_table, shards, variants
 
 LEVELS = {"linear": {0: 9.0, 1: 5.0, 2: 5.1}, "poly": {2: 3.85, 0: 8.0, 1: 3.95}}
 ONE, OTHER = (np.array([LEVELS[model][seed] for seed in range(3)]) for model in LEVELS)
@@ -36,8 +36,8 @@ def rows(names: dict[str, str], scale: float = 1.0) -> list[tuple[str, int, floa
 
 def scores(
     workspace: Workspace, experiment: str, places: dict[str, tuple[str, str]], metric: str, scale: float = 1.0
-) -> results.Scores:
-    """scores.csv of the two models, through its reader; places: model -> (protocol, condition)."""
+) -> None:
+    """Write scores.csv of the two models; places: model -> (protocol, condition)."""
     table = [
         (experiment, *places[model], model, seed, metric, "1", value, 10)
         for model, seed, value in rows({model: model for model in LEVELS}, scale)
@@ -46,10 +46,6 @@ def scores(
     path.parent.mkdir(parents=True, exist_ok=True)
     columns = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
     pd.DataFrame(table, columns=columns).to_csv(path, index=False)
-    orders = zip(dict.fromkeys(protocol for protocol, _ in places.values()), ([1, 2, 0], [2, 0, 1]), strict=False)
-    return results.Scores(
-        workspace, experiment, {"protocols": {protocol: {"seeds": seeds} for protocol, seeds in orders}}
-    )
 
 
 SINGLE = dict.fromkeys(LEVELS, ("press", "single"))
@@ -107,14 +103,6 @@ def test_gains_by_augmentation():
         (found["method"] == "A") & (found["condition"] == "strain") & (found["metric"] == "macro_precision")
     ].itertuples()
     assert (row.gain, row.gain_low, row.gain_high) == pytest.approx((0.011, *np.divide(interval(ONE - OTHER), 100)))
-
-
-def test_gains_of_the_glove(workspace):
-    """In points, of fractions, of two protocols whose seeds params.yaml lists in two orders."""
-    places = {"linear": ("session_strain", "strain"), "poly": ("session_pressure", "pressure")}
-    both = scores(workspace, "glove", places, "macro_precision", 0.01)
-    found = glove_results.gain(both, ("session_strain", "linear"), ("session_pressure", "poly"))
-    assert found[:3] == pytest.approx((1.1, *interval(ONE - OTHER)))
 
 
 def test_effects_of_a_scene(workspace):

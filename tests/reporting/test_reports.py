@@ -370,8 +370,6 @@ def test_published_tables_are_read():
     models = (*published.PRINTED["sp_resnet"], *published.METHODS)
     assert np.isfinite([published.precision(model, dataset) for model in models for dataset in images.MODALITIES]).all()
     assert np.isnan(published.precision("constant", "strain"))
-    assert published.latent("lstm_direct", "task_1", "parameters") == 11450
-    assert published.latent("lstm_transfer", "task_2", "test error") == 26
 
 
 def test_velostat_without_recordings_says_why(workspace, monkeypatch):

@@ -53,11 +53,6 @@ def fill(template: str, /, **values: Any) -> Markup:
     return Markup(_environment().get_template(f"{template}.html").render(**values))
 
 
-def part(name: str, *values: Any) -> Markup:
-    """Return one of the small parts of parts.html: badge, folded, table, gallery, chart, bar."""
-    return getattr(_environment().get_template("parts.html").module, name)(*values)
-
-
 def script(name: str) -> Markup:
     """Return a file of this folder as it is, for a style or script element of the page."""
     return Markup((FOLDER / name).read_text(encoding="utf-8"))

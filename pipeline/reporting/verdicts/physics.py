@@ -6,7 +6,7 @@ the 90 % t interval of the mean logarithm of this ratio lies inside the logarith
 every model and condition (two one-sided tests at 5 %; Schuirmann 1987) and the order of the models stays as it is. An
 effect `changes errors` if one such interval lies outside the margin altogether. Anything else is `inconclusive`.
 
-verdicts/rules.py asks another question: whether a difference is above 0 in the seeds that were drawn.
+pipeline/claims/rules.py asks another question: whether a difference is above 0 in the seeds that were drawn.
 """
 
 import itertools
@@ -51,8 +51,6 @@ RECORDED = {
 REPORTED = ["experiment", "effect", "condition", "model", "before", "relative", "low", "high", "equivalent", "swapped"]
 REPORTED += ["verdict", "consequence"]  # columns of reports/physics.csv
 
-Errors = Mapping[tuple[str, str], float]  # (model, condition) -> error, infinite if failed
-
 
 class Change(NamedTuple):
     """The change of one model's error in one condition where an effect is left out; NaN if a run failed."""
@@ -82,10 +80,6 @@ class Judgement(NamedTuple):
     changes: list[Change]
     swapped: list[str]  # pairs of models that change places, with the condition
     verdict: str
-
-    def largest(self) -> Change:
-        """Return the change whose interval reaches farthest from 0; a failed one first."""
-        return max(self.changes, key=lambda change: (np.isnan(change.relative), max(-change.low, change.high)))
 
 
 def read(workspace: Workspace, experiment: str, effects: Iterable[str], models: Iterable[str]) -> pd.DataFrame:

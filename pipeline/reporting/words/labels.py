@@ -106,7 +106,7 @@ PERTURBATIONS = {
         "margin of the grip over the slip force times 2 to the severity",
     ),
 }
-FORMS = {  # keys of glove_results.FORMS: how a network predicts from several input frames
+FORMS = {  # as input_frames.csv and stag.csv call them: how a network predicts from several input frames
     "trained": "one network trained on all frames",
     "mean": "mean prediction of a one-frame network",
 }
@@ -172,7 +172,7 @@ def effect_name(effect: str) -> str:
 
 
 def form_name(form: str) -> str:
-    """Return how a network predicts from several input frames, one of `glove_results.FORMS`, in words."""
+    """Return how a network predicts from several input frames, a key of FORMS, in words."""
     return FORMS.get(form, plain(form))
 
 

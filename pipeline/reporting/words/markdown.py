@@ -26,13 +26,6 @@ def literal(name: str) -> str:
     return re.sub(r"([\\`*_\[\]<>&$~])", r"\\\1", name)
 
 
-def code(name: str) -> str:
-    """Return a name that a user chose as a code span, whatever backquotes are in it."""
-    fence = "`" * (1 + max(map(len, re.findall("`+", name)), default=0))
-    space = " " if "`" in name else ""
-    return f"{fence}{space}{name}{space}{fence}"
-
-
 def number(value: float, digits: int = 2) -> str:
     """Return fixed decimals up to 100,000, above that three digits and a power of ten; a dash for NaN."""
     if np.isnan(value):

@@ -238,7 +238,8 @@ def test_what_is_missing_is_said(workspace, reports):
 
 
 def test_every_verdict_has_a_look_of_its_own():
-    badges = {str(hypertext.part("badge", verdict)) for verdict in (*rules.VERDICTS, rules.CALIBRATED)}
+    parts = hypertext._environment().get_template("parts.html").module
+    badges = {str(parts.badge(verdict)) for verdict in (*rules.VERDICTS, rules.CALIBRATED)}
     assert len(badges) == len(rules.VERDICTS) + 1
     assert len({badge.split("nbsp")[0].split("aria")[0] for badge in badges}) == 4  # calibrated as not testable
 
