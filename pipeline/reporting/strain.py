@@ -1,11 +1,12 @@
 """Write reports/strain: Table I of the latent-space paper beside the published numbers, its figures, and studies."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+from scipy import stats
 
 from pipeline.base import files
 from pipeline.base.paths import Workspace
@@ -15,7 +16,9 @@ from pipeline.reporting.figures import common
 from pipeline.reporting.figures import strain as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import plain
-from pipeline.scoring.results import read_predictions, read_windows
+from pipeline.scenes.strain import drift_at_samples
+from pipeline.scoring.one_table import Results
+from pipeline.scoring.results import Estimate, read_predictions, read_windows
 from pipeline.scoring.strain_results import TIME_BINS, errors_by_time, read_latents, read_study, tested_rows
 
 STUDIES = ("samples", "drift", "capacity", "strands", "bases")
@@ -48,7 +51,10 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     draw_studies(accuracy, report, known)
     absent, bases = [name for name in STUDIES if name not in known], settings["study"]["bases"]
     yardsticks = {name: settings[name] for name in ("yardstick", "yardstick_task_2")}
-    report.write(accuracy / "README.md", "strain", bases=bases, absent=absent, **yardsticks)
+    errors = errors_beyond(report.results, report.models, settings)
+    if ranks := rank_correlations(errors):
+        figures.beyond_training(accuracy / "drift_beyond.png", errors)
+    report.write(accuracy / "README.md", "strain", bases=bases, absent=absent, ranks=ranks, **yardsticks)
     report.write(target / "speed" / "table1_times.md", "strain_times")
     panels = {plain(task): (task, task) for task in settings["protocols"]}
     experiment.write_speed(workspace, report, target, settings, panels, ("error", "Error (mm)"), TRANSFER_COSTS)
@@ -109,6 +115,38 @@ def draw_time(workspace: Workspace, path: Path, settings: Mapping, dataset: pa.T
             panels[plain(task)].append(common.line(model, values))
     title, names = "Error against time since training ended", ("Time since training ended (min)", ERROR)
     common.curves(path, panels, title, names, limits=(0, None))
+
+
+def errors_beyond(results: Results, models: Iterable[str], settings: Mapping) -> pd.DataFrame:
+    """Return the error on task 1 (mm) of each finger's models, by how far its drift leaves the range of training.
+
+    One row a finger, by seed: `beyond`, and a column a model. `beyond` is the mean distance of the strands' mean drift
+    (equation 6 of the scene) in the test part from its range before the test part, as a share of that range.
+    """
+    columns = {model: results.runs("strain", "task_1", "task_1", model, "error") for model in models}
+    table, scene = pd.DataFrame(columns), settings["simulate"]
+    for seed in table.index:
+        finger = scene | {"specimen": scene["specimen"] + seed}
+        _, drift = drift_at_samples("task_1", f"run{seed:03d}", finger, settings["sensor"]["channels"])
+        trained, tested = np.split(drift.mean(axis=1), [round(settings["split"]["train"] * len(drift))])
+        away = np.maximum(np.maximum(trained.min() - tested, tested - trained.max()), 0)
+        table.loc[seed, "beyond"] = away.mean() / max(np.ptp(trained), 1e-12)
+    return table
+
+
+def rank_correlations(errors: pd.DataFrame) -> dict[str, Estimate]:
+    """Return model -> rank correlation of its error with `beyond` and its 95 % interval, the highest first.
+
+    errors: of `errors_beyond`. The interval is that of Fieller, Hartley and Pearson (1957).
+    """
+    ranks = {}
+    for model in errors.columns.drop("beyond"):
+        runs = errors[[model, "beyond"]].dropna()
+        found = stats.spearmanr(runs).statistic if len(runs) > 3 and runs.nunique().min() > 1 else np.nan
+        if np.isfinite(found):
+            half = stats.norm.ppf(0.975) * np.sqrt(1.06 / (len(runs) - 3))
+            ranks[model] = Estimate(float(found), *np.tanh(np.arctanh(found) + [-half, half]).tolist(), len(runs), 0)
+    return dict(sorted(ranks.items(), key=lambda rank: -rank[1].mean))
 
 
 def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFrame]) -> None:

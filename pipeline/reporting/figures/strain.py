@@ -44,3 +44,21 @@ def latent_space(path: Path, latents: pd.DataFrame) -> None:
         title=f"Figure 7: the {states.shape[1]} states of model-0 while it sees task 2 (one line per state)",
     )
     style.save(figure, path)
+
+
+def beyond_training(path: Path, errors: pd.DataFrame) -> None:
+    """Draw a point per finger and model; errors: `beyond` as a share, and a column in mm for each model."""
+    figure, ax = plt.subplots(figsize=(6.5, 4.4))
+    for model in errors.columns.drop(["beyond", "constant"], errors="ignore"):
+        label, colour, marker, _ = style.model_style(model)
+        ax.plot(
+            100 * errors["beyond"], errors[model], linestyle="", color=colour, marker=marker, alpha=0.7, label=label
+        )
+    ax.set(
+        xlabel="Mean distance of the test part's drift from its range before (% of that range)",
+        ylabel="Test error (mm)",
+        ylim=(0, None),
+        title="Task 1: error of each finger where drift leaves the range of training",
+    )
+    figure.legend(loc="outside lower center", ncols=3)
+    style.save(figure, path)

@@ -11,12 +11,13 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
-from pipeline.base import files
+from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries
 from pipeline.claims.rules import VERDICTS
 from pipeline.reporting import claims as claim_text
+from pipeline.reporting import strain
 from pipeline.reporting.figures.ratios import Point
 from pipeline.reporting.tables import Table
 from pipeline.reporting.words import templates
@@ -31,7 +32,7 @@ CHART = "answers.png"  # in reports/
 MARKS = ("<!-- answers: written by `python -m pipeline.stages.page` -->", "<!-- end of answers -->")
 BEYOND = "beyond the paper"  # in place of a verdict, where a finding is about no claim
 NOT_COMPUTED = "not computed yet"
-TOOLS = ("estimate", "printed", "ranked", "failures", "side")  # of _Scores, for the findings
+TOOLS = ("estimate", "printed", "ranked", "failures", "side", "drifting")  # of _Scores, for the findings
 
 
 class Finding(NamedTuple):
@@ -63,9 +64,9 @@ class Absent(Exception):
 
 def answers(workspace: Workspace, claims: pd.DataFrame, results: Results, content: Mapping) -> list[Answer]:
     """Return the answer of each paper whose simulated experiment is reported; claims: as of page.claims.read."""
-    papers = entries.papers(workspace)
+    papers, values = entries.papers(workspace), params.load(workspace.params)
     return [
-        _answer(papers[key], asked, claims, results)
+        _answer(papers[key], asked, claims, results, values)
         for key, asked in content["answers"].items()
         if (claims["paper"] == key).any() and (workspace.reports / papers[key].simulated).exists()
     ]
@@ -87,9 +88,9 @@ def write_readme(workspace: Workspace, found: list[Answer]) -> None:
         files.write_text(path, now)
 
 
-def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results: Results) -> Answer:
+def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results: Results, values: Mapping) -> Answer:
     own = claims[claims["paper"] == paper.key].set_index("id")
-    scores = _Scores(results, paper.simulated)
+    scores = _Scores(results, paper.simulated, values[paper.simulated])
     counted = claim_text.counted(own)
     table, heading, points, basis = _beside(scores, asked, own)
     return Answer(
@@ -112,8 +113,8 @@ def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results:
 class _Scores:
     """The evidence on one simulated experiment, beside what its paper prints; shares are in %."""
 
-    def __init__(self, results: Results, experiment: str):
-        self.results, self.experiment = results, experiment
+    def __init__(self, results: Results, experiment: str, settings: Mapping):
+        self.results, self.experiment, self.settings = results, experiment, settings
         self.paper, self.metric, self.name, self.units = published.SCORES[experiment]
         self.models = list(published.PRINTED[self.paper])
         self.printed = lambda condition, model: published.number(self.paper, model, condition, self.name)
@@ -158,6 +159,13 @@ class _Scores:
         places = ((protocol, condition, model, metric) for model in (one, other))
         spread = estimate(np.subtract(*(self.runs(*place) for place in places)).dropna())
         return int(spread.low > 0) - int(spread.high < 0)
+
+    def drifting(self, model: str) -> str:
+        """Return a model's rank correlation of strain.rank_correlations. Raises Absent where the evidence has none."""
+        ranks = strain.rank_correlations(strain.errors_beyond(self.results, [model], self.settings))
+        if not self.shown("task_1") or model not in ranks:
+            raise Absent
+        return interval(ranks[model])
 
 
 def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, str, dict[str, list[Point]], str]:
