@@ -275,41 +275,6 @@ def test_an_order_that_is_none_is_one_sentence(small):
         experiments.module("touch").read_recording(folder / "single" / "day1_0", settings)
 
 
-def on_one_clock(folder, target):
-    """A copy of a recording of one touch whose devices are stamped by one computer: of the true time, no restarts."""
-    shutil.copytree(folder, target)
-    log = target / "single" / "day1_0"
-    for name, start_s, first_us in (("load_cell", 0.4, 7_000_000), ("cnc", 0.1, 400_000)):
-        lines = (log / f"{name}.log").read_text().splitlines()
-        shift = round(1e6 * start_s) - first_us
-        moved = [
-            f"{int(time) + shift},{rest}"
-            for time, _, rest in (line.partition(",") for line in lines)
-            if rest and time.isdigit()
-        ]
-        (log / f"{name}.log").write_text("\n".join(moved) + "\n")
-    first, *_ = (log / "array.log").read_text().split("tactile array v2 ready\n")[1:]
-    width = max(line.count(",") for line in first.splitlines())
-    lines = [line for line in first.splitlines() if line.count(",") == width and line.split(",")[0].isdigit()]
-    moved = [f"{int(time) + 750_000},{rest}" for time, _, rest in (line.partition(",") for line in lines)]
-    (log / "array.log").write_text("\n".join(moved) + "\n")
-    return target
-
-
-def test_logs_of_one_clock_are_not_aligned(small, tmp_path):
-    folder, values = small
-    log = on_one_clock(folder, tmp_path / "logs") / "single" / "day1_0"
-    module, settings = experiments.module("touch"), values["touch"]
-    aligned, _, found = module.read_recording(log, settings)
-    shared = settings | {"ingest": settings["ingest"] | {"clock": "shared"}}
-    frames, _, report = module.read_recording(log, shared)
-    assert [clock["offset_ms"] for clock in report["cnc.log"]["clocks"]] == [0]
-    assert abs(found["cnc.log"]["clocks"][0]["offset_ms"]) < 30, "and alignment finds the same"
-    assert frames.num_rows == pytest.approx(aligned.num_rows, rel=0.01)
-    with pytest.raises(InputError, match="array.log: its time steps back, .* set touch.ingest.clock: own"):
-        module.read_recording(folder / "single" / "day1_0", shared)
-
-
 def test_one_element_needs_no_places(workspace, tmp_path, undrawn, root):
     own_logs.touch(tmp_path / "logs", 1, 1, 40.0, seconds=40.0, recordings=1, conditions=())
     (tmp_path / "logs" / "single" / "day1_0" / "cnc.log").unlink()

@@ -410,7 +410,9 @@ def test_a_header_in_another_order_gives_the_same_frames(root, name, order):
 
 
 def test_clocks_that_are_shared_are_measured_and_not_shifted(root):
-    frames, _, report = read(root, one_clock())
+    logs = one_clock()
+    frames, _, report = read(root, logs)
+    assert frames.num_rows == len(logs["array.log"]) - 1
     for name in ("array.log", "cnc.log"):
         (clock,) = report[name]["clocks"]
         assert clock["offset_ms"] == 0 and abs(clock["measured_offset_ms"]) < 10, name
@@ -418,6 +420,8 @@ def test_clocks_that_are_shared_are_measured_and_not_shifted(root):
     assert "correlation" not in report["load_cell.log"]["clocks"][0]
     assert not any("warnings" in log for log in report.values())
     assert np.abs(schemas.matrix(frames["x_mm"])[:, 0] / 2 - frames["t_s"].to_numpy()).max() < 0.01
+    with pytest.raises(InputError, match="array.log: its time steps back, .* set touch.ingest.clock: own"):
+        read(root / "reset", logs_of(reset_at=15.0))
 
 
 @pytest.mark.parametrize("name", ["array.log", "cnc.log", "load_cell_2.log"])
