@@ -15,7 +15,7 @@ from pipeline.stages import judge, render_study, shard
 
 CLAIM = """\
   - id: better-than-linear
-    text: On double touch LoMP errs less than a linear regression does.
+    text: On double touch LoMP errs less than a linear regression does, by {published:.1f} kPa.
     source: Table I
     above: double.linear - double.lomp
 """
@@ -58,7 +58,9 @@ def test_a_claim_of_five_lines_is_judged_in_the_report(workspace, monkeypatch):
     monkeypatch.setattr("sys.argv", ["judge"])
     judge.main(workspace)
     row = pd.read_csv(workspace.reports / "claims.csv").set_index("id").loc["lomp/better-than-linear"]
-    assert row["verdict"] == REPRODUCED and 0 < row["low"] < row["ours"] and row["published"] > 0
+    assert row["verdict"] == REPRODUCED and 0 < row["low"] < row["ours"]
+    assert row["published"] == pytest.approx(16.91 - 7.49)
+    assert row["claim"] == "On double touch LoMP errs less than a linear regression does, by 9.4 kPa."
     (line,) = [
         line
         for line in (workspace.reports / "claims.md").read_text().splitlines()
