@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from pipeline import models
-from pipeline.datasets import windowing
 from pipeline.datasets.windows import Dataset
 from pipeline.learning.regressors import Spec
 from pipeline.models import lomp_stream
@@ -30,19 +29,6 @@ def presses(count=40, seed=0):
     previous = np.arange(3 * count) - 1
     previous[::3] = -1
     return x, y.astype(np.float32), previous
-
-
-def test_a_window_goes_on_from_the_one_that_ends_before_it():
-    run = np.repeat([0, 1, 2], [12, 9, 5])  # 26 frames
-    rows = windowing.window_rows(run, frames=4, frame_step=1, stride=4)
-    assert rows[:, 0].tolist() == [0, 4, 8, 12, 16, 21]
-    assert windowing.previous_windows(rows, run, 1).tolist() == [-1, 0, 1, -1, 3, -1]
-    rows = windowing.window_rows(run, frames=4, frame_step=1, stride=2)  # two streams, one two frames behind
-    assert rows[:, 0].tolist() == [0, 2, 4, 6, 8, 12, 14, 16, 21]
-    assert windowing.previous_windows(rows, run, 1).tolist() == [-1, -1, 0, 1, 2, -1, -1, 5, -1]
-    rows = windowing.window_rows(run, frames=2, frame_step=3, stride=6)
-    assert rows.tolist() == [[0, 3], [6, 9], [12, 15], [21, 24]]
-    assert windowing.previous_windows(rows, run, 3).tolist() == [-1, 0, -1, -1]
 
 
 def test_of_some_windows_only_those_before_that_are_there_count():
