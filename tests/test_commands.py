@@ -282,6 +282,7 @@ def test_a_program_reads_json_or_nothing(monkeypatch, capfd, option):
     [
         "x; run `python -m pipeline.pretrain` first",
         "`python -m pipeline.stages.ingest tuch`",
+        "`python -m pipeline.stages.train tuch`",
         "`python -m pipeline.stages.train touch esn`",
         "`python -m pipeline.commands.fetch velostat_recorded`",
         "tactile calibrate tuch && dvc repro",
