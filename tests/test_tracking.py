@@ -225,7 +225,7 @@ def test_what_was_deleted_or_left_half_way_is_logged_anew(workspace, tracked):
     assert not {deleted, unfinished} & {run.info.run_id for run in current(workspace).values()}
 
 
-def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(workspace, tracked, monkeypatch, tmp_path):
+def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(workspace, tracked, tmp_path):
     number = client(workspace).get_experiment_by_name("touch").experiment_id
     client(workspace).delete_experiment(number)
     with pytest.raises(InputError, match=f"experiment touch was deleted there.*restore -x {number}"):

@@ -312,9 +312,7 @@ def test_impossible_splits_are_one_sentence():
 
 
 @pytest.mark.parametrize(("tells", "low", "high"), [(True, 1.0, 1.0), (False, 0.0, 0.7)])
-def test_the_probe_of_joint_angles_is_scored_on_grasps_that_it_has_not_seen(
-    workspace, tells, low, high, tmp_path, monkeypatch
-):
+def test_the_probe_of_joint_angles_is_scored_on_grasps_that_it_has_not_seen(workspace, tells, low, high, monkeypatch):
     """Angles of a grasp that say which object it is, or nothing: then training knows them by heart, a test cannot."""
     frames, rng = several(("ball", "mug", "pen"), grasps=20, contact=3), np.random.default_rng(0)
     objects = schemas.names(frames["condition"])

@@ -72,7 +72,7 @@ def write_times(workspace, model: str, seconds: dict) -> None:
 ROUNDS_MS = ((5.0, 11.0, 12.0), (5.0, 3.0, 30.0), (5.0, 1.0, 2.0))  # of each round, of which the first is warm-up
 
 
-def test_times_are_of_all_rounds_and_of_the_threads_that_the_table_names(workspace, tmp_path, monkeypatch, clock):
+def test_times_are_of_all_rounds_and_of_the_threads_that_the_table_names(workspace, monkeypatch, clock):
     """The stage on a model of one matrix product: threads of torch and of numpy's library while it predicts."""
     import torch
     from threadpoolctl import threadpool_info, threadpool_limits

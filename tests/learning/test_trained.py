@@ -17,7 +17,7 @@ SPEC = Spec(2, 1, 3, 1, 2)
 
 
 @pytest.fixture
-def values(workspace, tmp_path, monkeypatch):
+def values(workspace):
     """params.yaml in a folder of its own, with one run of `linear_array` of touch saved there."""
     rng = np.random.default_rng(0)
     x, y = rng.normal(size=(40, 2, 3)).astype(np.float32), rng.normal(size=(40, 2)).astype(np.float32)

@@ -188,7 +188,7 @@ def test_a_file_without_line_ends(tmp_path, monkeypatch):
         read_log(write(tmp_path, b"\x00" * 50_000), COUNTS)
 
 
-def test_check_rejects_names_everything(tmp_path):
+def test_check_rejects_names_everything():
     parse.check_rejects(Path("a.log"), 100, {"column count": 2}, 0.02, "x.limit")
     with pytest.raises(InputError) as error:
         parse.check_rejects(Path("a.log"), 100, {"column count": 2, "duplicate": 1}, 0.02, "x.limit")

@@ -16,7 +16,7 @@ REASON = "recordings not downloaded; run `tactile fetch`"
 
 
 @pytest.fixture
-def clone(workspace, tmp_path, monkeypatch):
+def clone(workspace, monkeypatch):
     """A fresh clone's reports on recordings, and what the stages before write where recordings are absent."""
     committed, reports = ROOT / "reports", workspace.reports
     for name in ("scores.csv", "latency.csv", "stress.csv", "stability", *RECORDED):
@@ -73,7 +73,7 @@ def test_without_committed_results_an_experiment_is_not_run(workspace, clone, mo
     assert availability.why_not_shown(workspace, "strain_recorded") == REASON
 
 
-def test_the_recorded_side_of_a_comparison_stays(workspace, tmp_path, monkeypatch):
+def test_the_recorded_side_of_a_comparison_stays(workspace, tmp_path):
     table = pd.DataFrame([("noise", "1", "simulated", "r", 2.0, "What it is.", "")], columns=studies.TWINS)
     for experiment in studies.TWIN_TITLES:
         workspace.twins(experiment).parent.mkdir(parents=True)

@@ -100,7 +100,7 @@ def stag_data(wrong: str, validation: float) -> stag.Stag:
 
 
 @pytest.fixture
-def values(tmp_path, monkeypatch):
+def values(monkeypatch):
     """params.yaml with one network for each kind of input, its data in a folder of its own."""
     values = params.load(ROOT / "params.yaml")
     values["device"] = "cpu"
