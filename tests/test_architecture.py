@@ -5,12 +5,11 @@ import functools
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from graphlib import TopologicalSorter
-from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 import yaml
-from builders.project import SLOW_FIXTURES
+from builders.project import ROOT, SLOW_FIXTURES
 from dvc.dependency.param import ParamsDependency
 from dvc.repo import Repo
 
@@ -22,7 +21,6 @@ from pipeline.base.paths import Workspace
 from pipeline.scoring import shards
 from pipeline.stages import train
 
-ROOT = Path(__file__).resolve().parent.parent
 CODE = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py"))
 CODE.remove("pipeline/__init__.py")
 # Each room, from the top down, and the rooms that it imports. It may also import whatever these import, and itself.
