@@ -11,7 +11,6 @@ from urllib.parse import unquote, urlsplit
 import axe_core_python
 import pandas as pd
 import pytest
-from builders import browser
 from builders.project import ROOT
 from PIL import Image
 
@@ -240,15 +239,6 @@ def test_the_data_of_an_experiment_are_named():
     values = params.load(ROOT / "params.yaml")
     assert "simulated by pipeline/scenes/touch.py" in sections.data_of("touch", values["touch"])
     assert "licence" in sections.data_of("velostat_recorded", values["velostat_recorded"])
-
-
-@pytest.fixture(scope="module")
-def tab(tmp_path_factory):
-    if browser.executable() is None:
-        pytest.skip("no Chromium here (Debian: apt-get install chromium; or CHROMIUM=/path/to/it)")
-    found = browser.Browser(tmp_path_factory.mktemp("profile"))
-    yield found
-    found.close()
 
 
 def located(kind: str, workspace, reports: Path) -> str:
