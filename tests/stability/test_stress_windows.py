@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
-from builders.project import ROOT
+from builders.project import ROOT, run_stage
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
@@ -46,8 +46,7 @@ def trained(workspace):
         patch.setattr(params, "load", small_loader(small()))
         patch.setenv("WORKERS", "1")
         for stage in (simulate, ingest, window, dataset, train, evaluate):
-            patch.setattr(sys, "argv", [stage.__name__, "touch"])
-            stage.main(workspace)
+            run_stage(patch, workspace, stage, "touch")
     return workspace
 
 
@@ -74,8 +73,7 @@ def stressed(trained) -> pd.DataFrame:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(params, "load", small_loader(small()))
         patch.setenv("WORKERS", "1")
-        patch.setattr(sys, "argv", ["stress", "touch"])
-        stress.main(trained)
+        run_stage(patch, trained, stress, "touch")
     assert not trained.stress_scenes("touch").exists()
     return pd.read_csv(trained.stress("touch"))
 
