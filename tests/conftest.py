@@ -4,11 +4,12 @@ import functools
 import os
 import pickle
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from builders import browser
 from builders.project import ROOT, SLOW_FIXTURES, Project, run_miniature
 from threadpoolctl import threadpool_limits
 
@@ -88,6 +89,16 @@ def undrawn(monkeypatch):
         style.plt.close(figure)
 
     monkeypatch.setattr(style, "save", save)
+
+
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory) -> Iterator[browser.Browser]:
+    """Return a tab of a browser; or skip the test."""
+    if browser.executable() is None:
+        pytest.skip("no Chromium here (Debian: apt-get install chromium; or CHROMIUM=/path/to/it)")
+    opened = browser.Browser(tmp_path_factory.mktemp("profile"))
+    yield opened
+    opened.close()
 
 
 @pytest.fixture(scope="session")

@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from builders.project import ROOT
 from dvc.repo import Repo
 
 from pipeline.base import arguments, params
@@ -23,7 +24,6 @@ from pipeline.base.paths import Workspace
 from pipeline.commands import command_line
 from pipeline.commands.command_line import COMMANDS
 
-ROOT = Path(__file__).resolve().parent.parent
 VALUES = params.load(ROOT / "params.yaml")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 CODE = sorted((ROOT / "pipeline").rglob("*.py"))
@@ -282,6 +282,7 @@ def test_a_program_reads_json_or_nothing(monkeypatch, capfd, option):
     [
         "x; run `python -m pipeline.pretrain` first",
         "`python -m pipeline.stages.ingest tuch`",
+        "`python -m pipeline.stages.train tuch`",
         "`python -m pipeline.stages.train touch esn`",
         "`python -m pipeline.commands.fetch velostat_recorded`",
         "tactile calibrate tuch && dvc repro",

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pytest
 from builders.project import leaves, run_miniature
 
 from pipeline.base import params
@@ -84,12 +83,6 @@ def test_no_report_has_a_placeholder_or_broken_grammar(miniature):
     texts[page] = re.sub(r"<(script|style).*?</\1>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     found = [f"{path}: {match[0]}" for path, text in texts.items() for match in re.finditer(PLACEHOLDERS, text)]
     assert len(texts) > 15 and not found, found
-
-
-@pytest.mark.parametrize("added", ["strain.sensor.rows", "touch.label.sigma"])
-def test_a_setting_that_nobody_reads_would_be_seen(miniature, added):
-    read = set((miniature.folder.parent / "settings.txt").read_text().split())
-    assert added not in read and added.rpartition(".")[0] in read
 
 
 if __name__ == "__main__":

@@ -20,19 +20,16 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from builders import browser
 from builders.devices import until
-from builders.made_results import EPOCHS, write_results
+from builders.made_results import EPOCHS, fit_linear, write_results
 from builders.project import ROOT
 
-from pipeline import models
 from pipeline.base import params
 from pipeline.base.errors import InputError, run_stage
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_runs, mlflow_store, packages, predictor
 from pipeline.scoring import shards
-from pipeline.tasks import windows
 
 pytestmark = pytest.mark.slow
 
@@ -62,14 +59,8 @@ def write_repository(root: Path) -> None:
     absent.mkdir(exist_ok=True)
     (absent / "ingest.json").write_text(json.dumps({"run": False, "reason": "recordings not downloaded"}))
     (root / "params.yaml").write_text(yaml.safe_dump(PARAMS))
-    spec = windows.spec(PARAMS["touch"])
     for seed in SEEDS:
-        random = np.random.default_rng(seed)
-        model = models.build("linear", spec, {}, "touch.models.linear")
-        x, y = random.normal(size=(90, spec.frames, spec.elements)), random.normal(size=(90, spec.outputs))
-        part = x.astype(np.float32), y.astype(np.float32)
-        model.fit(part, part, seed=seed)
-        model.save(root / "data" / "touch" / "models" / "linear" / f"press-{seed}")
+        fit_linear(PARAMS["touch"], seed, root / "data" / "touch" / "models" / "linear" / f"press-{seed}")
 
 
 @pytest.fixture(scope="module")
@@ -225,7 +216,7 @@ def test_what_was_deleted_or_left_half_way_is_logged_anew(workspace, tracked):
     assert not {deleted, unfinished} & {run.info.run_id for run in current(workspace).values()}
 
 
-def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(workspace, tracked, monkeypatch, tmp_path):
+def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(workspace, tracked, tmp_path):
     number = client(workspace).get_experiment_by_name("touch").experiment_id
     client(workspace).delete_experiment(number)
     with pytest.raises(InputError, match=f"experiment touch was deleted there.*restore -x {number}"):
@@ -356,10 +347,8 @@ def test_a_clone_has_the_means_over_seeds_of_the_evidence(committed):
     assert not any("data" in key for key in runs), "rows that are of no model"
 
 
-def test_the_link_opens_the_models_compared_by_their_main_score(committed, capsys, tmp_path):
+def test_the_link_opens_the_models_compared_by_their_main_score(committed, tab, capsys):
     """In a browser, with MLflow's server on the store, as docs/runs.md starts it."""
-    if not browser.executable():
-        pytest.skip("no Chromium on the path")
     workspace, values = committed
     capsys.readouterr()
     mlflow_runs.track(workspace, values)
@@ -377,7 +366,6 @@ def test_the_link_opens_the_models_compared_by_their_main_score(committed, capsy
         stderr=subprocess.DEVNULL,
         start_new_session=True,  # its worker ends with it
     )
-    tab = browser.Browser(tmp_path / "profile")
     try:
         until(lambda: not socket.socket().connect_ex((host, int(port))), 120)
         tab.width(1600)
@@ -386,7 +374,6 @@ def test_the_link_opens_the_models_compared_by_their_main_score(committed, capsy
         until(lambda: "main/double.rmse" in tab.run(slowly).partition("matching runs")[2], 120)
         listed, _, charts = tab.run(slowly).partition(" matching runs")
     finally:
-        tab.close()
         os.killpg(server.pid, signal.SIGTERM)
         server.wait(30)
     there = [run for run in runs_of_evidence(workspace).values() if run.data.tags["shown"] == "true"]

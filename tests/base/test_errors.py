@@ -8,6 +8,8 @@ import sys
 import pytest
 from builders.project import ROOT
 
+from pipeline.base.errors import InputError
+
 RUN = """
 import sys
 from pathlib import Path
@@ -24,6 +26,10 @@ def ran(code, *arguments, **environment):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
+
+
+def test_a_message_of_several_lines_becomes_one_line():
+    assert str(InputError("a\n b")) == "a b"
 
 
 def test_a_name_that_the_encoding_lacks_is_printed_escaped():

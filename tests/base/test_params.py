@@ -52,6 +52,9 @@ HOSTILE = (
     "Linear",
     "",
     "lomp ",
+    "__init__",
+    "os",
+    "params",
     1,
     None,
 )
@@ -63,14 +66,6 @@ def test_a_key_that_names_no_model_is_refused(key):
     for block in ("touch", "physics.glove"):
         with pytest.raises(InputError, match=f"^{params.file_of(block)}, {block}.models: {words}"):
             params.check(altered(*block.split("."), "models", value={key: {}}))
-
-
-def test_a_model_without_a_file_is_refused():
-    for key in ("__init__", "os", "params"):
-        with pytest.raises(InputError, match=f"there is no pipeline/models/{key}.py"):
-            params.check(altered("touch", "models", value={key: {}}))
-    with pytest.raises(InputError, match="there is no pipeline/models/lompp.py; did you mean 'lomp'"):
-        params.check(altered("touch", "models", value={"lompp": {}}))
 
 
 @pytest.mark.parametrize(
@@ -112,6 +107,7 @@ def test_a_key_that_is_no_text_is_refused(place):
 
 TRAINING = ("models", "cnn", "training")
 IMPOSSIBLE = [
+    (("models",), {"lompp": {}}, "there is no pipeline/models/lompp.py; did you mean 'lomp'"),
     (("models", "lomp", "hidden"), 0, r"lomp.hidden: .* greater than or equal to 1, got 0 \(meaning: .*\)$"),
     (("models", "lomp", "hidden"), 10**9, "less than or equal to 8192"),
     (("models", "lomp", "neighbours"), 5, "input should be 4 or 8"),

@@ -31,7 +31,7 @@ def test_git_state_reports_commit_and_changes(workspace, tmp_path, monkeypatch):
     assert provenance.git_state(Workspace(inside))[0] == "unknown (not a git checkout)"
 
 
-def test_results_of_other_settings_are_refused(workspace, tmp_path, monkeypatch):
+def test_results_of_other_settings_are_refused(workspace, tmp_path):
     values = {"device": "auto", "touch": {"label": {"map_rows": 20}}}
     provenance.check_settings(workspace, ["touch"], values)  # no dvc.lock, so nothing to check
     stage = {"outs": [{"path": "data/touch/scores.csv"}], "params": {"params.yaml": copy.deepcopy(values)}}

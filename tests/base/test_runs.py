@@ -108,6 +108,7 @@ OF_TREE = [run for run in ALL if run[0] == "tree"]
         ("pipeline/datasets/windows.py", ALL),
         ("pipeline/stages/train.py", ALL),
         ("pipeline/models/vgg.py", []),
+        ("pipeline/learning/lomp_network.py", []),
         ("pipeline/scoring/metrics.py", []),
         ("pipeline/experiments/touch.py", []),
         ("pipeline/base/workers.py", []),

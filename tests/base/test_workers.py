@@ -80,7 +80,7 @@ def reporting(times, report):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("processes", [1, 2])
-def test_the_bar_knows_the_steps_of_each_task(run, monkeypatch, processes):
+def test_the_bar_knows_the_steps_of_each_task(monkeypatch, processes):
     """Tasks that stop early, too, leave it where all of their steps are done."""
     monkeypatch.setenv("WORKERS", str(processes))
     steps = {"constant": 1, "network": 7, "stopped": 5}

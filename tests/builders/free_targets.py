@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from builders.own_logs import stamped
+from builders.own_logs import scanned, stamped
 
 STRAIN = {"strain.sensor": {"channels": 2, "unit": "V"}}
 MAT = {"glove.sensor.areas": {"pressure": {"rows": 2, "cols": 2}}, "glove.sensor.scale": "range"}
@@ -45,8 +45,6 @@ def objects(folder: Path, days=2, grasps=6):
         pattern = 400 + 60 * np.roll([3, 1, 0, 0], number)
         for k in range(days * grasps):
             rng = np.random.default_rng([number, k])
-            place = folder / name / f"day{k % days}_{k}"
-            place.mkdir(parents=True)
             counts = pattern + rng.normal(0, 90, (30, 4))
             others = np.stack([400 + 60 * np.roll([3, 1, 0, 0], other) for other in range(3)])
             nearest = np.linalg.norm(counts[:, None] - others, axis=2).argmin(axis=1)
@@ -54,8 +52,7 @@ def objects(folder: Path, days=2, grasps=6):
             assert np.linalg.norm(counts.mean(axis=0) - others, axis=1).argmin() == number, (
                 "all frames together are not"
             )
-            lines = stamped(np.arange(30) / 20, counts, "%.1f")
-            (place / "scanner.log").write_text("\n".join(lines) + "\n")
+            scanned(folder / name / f"day{k % days}_{k}", counts, "%.1f")
     assert 0.05 < np.mean(taken) < 0.3, "a frame alone is often taken for another object's"
     split = {"by": "day", "pattern": "(day.)"}
     return settings(folder, MAT, {"name": "object", "kind": "class", "folder": 1}, split)
@@ -70,8 +67,7 @@ def slips(folder: Path, seconds=40.0):
         counts = 500 + rng.normal(0, 1, (len(at), 4)) * np.where(slip, 60, 5)[:, None]
         assert counts[slip].std() > 8 * counts[~slip].std() and abs(counts[slip].mean() - counts[~slip].mean()) < 10
         place = folder / "hold" / f"run{number}"
-        place.mkdir(parents=True)
-        (place / "scanner.log").write_text("\n".join(stamped(at, counts, "%.1f")) + "\n")
+        scanned(place, counts, "%.1f", start_us=0)
         (place / "slip.log").write_text("\n".join(stamped(at, slip[:, None], "%d")) + "\n")
     target = {"name": "slip", "kind": "event", "file": "slip.log", "column": 2, "window_s": 0.3}
     return settings(folder, MAT, target, {"by": "recording"})

@@ -33,8 +33,8 @@ def map_over(reading: np.ndarray) -> np.ndarray:
 
 
 def saved(folder: Path, model, key: str, spec: Spec, **changed) -> Path:
-    """Save a model with its card into a new folder, and return it; changed: what of the card is not touch's."""
-    folder.mkdir(parents=True)
+    """Save a model with its card into a folder, and return it; changed: what of the card is not touch's."""
+    folder.mkdir(parents=True, exist_ok=True)
     model.save(folder)
     inputs = dict(columns=spec.elements, unit="counts", order="row by row", interval_s=INTERVAL_S, frame_step=STEP)
     known = dict(

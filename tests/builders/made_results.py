@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline import models
 from pipeline.datasets import schemas
 from pipeline.experiments.touch import frames_schema
+from pipeline.tasks import windows
 
 EPOCHS = 5
 SCORES = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
@@ -67,3 +69,14 @@ def write_results(root: Path, params: dict, condition: str = "single") -> None:
         y_mm=nowhere,
     )
     schemas.write(touch / "frames.parquet", frames.schema, [frames])
+
+
+def fit_linear(touch: dict, seed: int, folder: Path):
+    """Fit a linear model to windows and maps of a seed of its own, save it into `folder` and return it."""
+    spec, rng = windows.spec(touch), np.random.default_rng(seed)
+    model = models.build("linear", spec, {}, "touch.models.linear")
+    x, y = rng.normal(size=(90, spec.frames, spec.elements)), rng.normal(size=(90, spec.outputs))
+    part = x.astype(np.float32), y.astype(np.float32)
+    model.fit(part, part, seed=seed)
+    model.save(folder)
+    return model

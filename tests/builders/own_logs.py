@@ -171,7 +171,7 @@ def mat(folder: Path, objects=("ball", "cup", "plate"), sessions=4, frames=12, s
             y, x = rng.uniform(5, 11, 2)
             disc = 3000 * np.clip(size - np.hypot(row - y, col - x), 0, 1).ravel()
             counts = np.rint(disc * rng.uniform(0.7, 1.0, (frames, 1)) + rng.uniform(0, 40, (frames, 256)))
-            _scanned(folder / name / f"day{session}", counts, "%d")
+            scanned(folder / name / f"day{session}", counts, "%d")
 
 
 def few_channels(folder: Path, objects=("bottle", "pen", "none"), sessions=4, frames=20, seed=0):
@@ -188,11 +188,11 @@ def few_channels(folder: Path, objects=("bottle", "pen", "none"), sessions=4, fr
             force = np.clip(closing * grip * rng.uniform(0.8, 1.0, 5), 0, 1023).round()
             angle = closing * attitude + rng.normal(0, 6, 5) + rng.normal(0, 1, (frames, 5))
             assert not force[0].any() and force[-1].any() == (name != "none")
-            _scanned(folder / name / f"day{session}", np.hstack([force, angle]), "%.1f")
+            scanned(folder / name / f"day{session}", np.hstack([force, angle]), "%.1f")
 
 
-def _scanned(folder: Path, readings, pattern):
-    """Write scanner.log, 20 frames a second."""
+def scanned(folder: Path, readings, pattern, start_us=5_000):
+    """Write scanner.log into a new folder, 20 frames a second."""
     folder.mkdir(parents=True)
-    lines = stamped(np.arange(len(readings)) / 20, readings, pattern, start_us=5_000)
+    lines = stamped(np.arange(len(readings)) / 20, readings, pattern, start_us)
     (folder / "scanner.log").write_text("\n".join(lines) + "\n")

@@ -12,12 +12,13 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 import yaml
 
-from pipeline.base import modules
-from pipeline.base.params_file import set_values
+from pipeline.base import modules, params
+from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.base.processes import ONE_THREAD
 from pipeline.scoring import shards
@@ -40,6 +41,19 @@ def leaves(block: dict, path: str = "") -> Iterator[str]:
             yield from leaves(value, f"{path}{key}.")
         else:
             yield f"{path}{key}"
+
+
+def miniature_settings(workspace: Workspace) -> dict:
+    """Put the settings at miniature scale into a workspace and return them."""
+    copied(ROOT / "params.yaml", workspace.root)
+    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
+    return params.load(workspace.params)
+
+
+def run_stage(patch: pytest.MonkeyPatch, workspace: Workspace, stage: ModuleType, *arguments: str) -> None:
+    """Run a stage in this process, with the arguments of its command line."""
+    patch.setattr(sys, "argv", [stage.__name__, *arguments])
+    stage.main(workspace)
 
 
 def in_this_process(patch: pytest.MonkeyPatch) -> None:

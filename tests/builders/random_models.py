@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
+from builders import live_models
 from pipeline import models, tasks
-from pipeline.base import files
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
 from pipeline.learning import image_classifier
@@ -106,33 +106,18 @@ def save(key: str, folder: Path) -> Path:
     elif kind == "windows" and key not in NO_NETWORKS:
         elements = torch.arange(case.spec.elements)
         model.scaled = Scaled(model.network, 100.0 + elements, 30.0 + elements, torch.tensor(250.0))
-    model.save(folder)
     names = {"windows": None, "series": ["x_mm", "y_mm"], "images": ["bottle", "can", "cup", "pen"]}[kind]
-    cards.write(
+    columns = {"windows": MAPS.elements, "series": COLUMNS, "images": 1051}[kind]
+    chosen = CHOSEN if kind == "series" else None
+    return live_models.saved(
         folder,
-        cards.Card(
-            experiment=case.experiment,
-            kind=kind,
-            model=key,
-            protocol="press",
-            seed=0,
-            commit="0" * 40,
-            settings=case.settings,
-            reading={"sensor": {"rows": 2}, "window": {"frame_step": 2}},
-            shapes=cards.Shapes(**case.spec._asdict()),
-            inputs=cards.Inputs(
-                columns={"windows": MAPS.elements, "series": COLUMNS, "images": 1051}[kind],
-                unit=unit,
-                order="as in the log",
-                interval_s=0.02,
-                frame_step=2,
-                chosen=CHOSEN if kind == "series" else None,
-            ),
-            outputs=cards.Outputs(unit=output_unit or "probability", names=names),
-            precision=None,
-            best_epoch=1,
-            scores=[],
-            sha256=files.sha256(cards.weights_file(folder)),
-        ),
+        model,
+        key,
+        case.spec,
+        experiment=case.experiment,
+        kind=kind,
+        settings=case.settings,
+        reading={"sensor": {"rows": 2}, "window": {"frame_step": 2}},
+        inputs=dict(columns=columns, unit=unit, order="as in the log", chosen=chosen),
+        outputs=cards.Outputs(unit=output_unit or "probability", names=names),
     )
-    return folder

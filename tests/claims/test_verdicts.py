@@ -228,23 +228,6 @@ def test_recordings_are_judged_over_presses_drawn_anew():
     assert found.verdict == UNDECIDED and found.low < 0 < found.high
 
 
-def test_models_are_paired_by_seed_through_the_reader_of_results(tmp_path):
-    """Three seeds in another order for each model: the interval is that of the differences of the same seed."""
-    levels = {"linear": {0: 9.0, 1: 5.0, 2: 7.0}, "poly": {2: 5.9, 0: 8.0, 1: 3.8}}
-    lines = [
-        f"touch,press,single,{model},{seed},rmse,kPa,{value},10"
-        for model, runs in levels.items()
-        for seed, value in runs.items()
-    ]
-    header = "experiment,protocol,condition,model,seed,metric,unit,value,n"
-    (tmp_path / "scores.csv").write_text("\n".join([header, *lines]) + "\n")
-    results = one_table.Results(one_table.read(one_table.of_reports(tmp_path)).assign(budget=one_table.FULL))
-    found, _ = judge.judged(BY_ID["lomp/nonlinear-single"], results)
-    known = stats.ttest_rel([9.0, 5.0, 7.0], [8.0, 3.8, 5.9]).confidence_interval(0.95)
-    assert (found.low, found.high) == pytest.approx(tuple(known)) and found.ours == pytest.approx(1.1)
-    assert found.verdict == REPRODUCED and found.runs == 3  # unpaired, the interval would include 0
-
-
 def test_a_run_without_an_rmse_failed_whatever_else_it_has(tmp_path):
     rows = [f"touch,press,single,lomp,{seed},{metric},1,{value},10" for seed, metric, value in
             ((0, "rmse", 1), (0, "r2", 0.9), (1, "rmse", ""), (1, "r2", 0.5))]  # fmt: skip
@@ -253,26 +236,6 @@ def test_a_run_without_an_rmse_failed_whatever_else_it_has(tmp_path):
     )
     read = one_table.read(one_table.of_reports(tmp_path)).set_index(["seed", "metric"])["value"]
     assert read[0, "r2"] == 0.9 and np.isnan(read[1, "r2"])
-
-
-def test_a_claim_of_five_lines_in_a_workspace_is_judged(workspace, tmp_path, monkeypatch):
-    (tmp_path / "claims").mkdir()
-    file = tmp_path / "claims" / "mine.yaml"
-    file.write_text(
-        "paper: lomp\nclaims:\n"
-        "  - id: tree-double\n"
-        "    text: On double touch {published:.1f} kPa lie between the tree and LoMP.\n"
-        "    source: Table I\n"
-        "    above: double.tree - double.lomp\n"
-    )
-    *_, claim = entries.read(workspace)[0]
-    place = {"experiment": "touch", "protocol": "press", "condition": "double", "metric": "rmse"}
-    runs = [place | {"model": model, "seed": seed, "value": error + seed / 10} for model, error in
-            (("tree", 20.0), ("lomp", 8.0)) for seed in SEEDS]  # fmt: skip
-    runs[0]["value"] = 20.05  # differences that are all the same would tell nothing of their spread
-    row = judge.table([claim], one_table.Results(table(runs).assign(variant="", budget="full"))).iloc[0]
-    assert row.id == "lomp/tree-double" and row.claim == "On double touch 14.9 kPa lie between the tree and LoMP."
-    assert row.published == pytest.approx(22.35 - 7.49) and row.verdict == REPRODUCED
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 import copy
 import functools
+import sys
+from collections.abc import Callable
 
 import numpy as np
 import pyarrow as pa
@@ -9,6 +11,7 @@ import pytest
 from builders.project import ROOT
 
 from pipeline.base import params
+from pipeline.commands import command_line
 from pipeline.datasets import schemas
 
 SMALL = {"channels": [4], "hidden": [16]}
@@ -38,6 +41,18 @@ def write_small_dataset(workspace, wrong: str) -> None:
     columns |= {"x": schemas.lists(x.reshape(192, -1), pa.float32()), "y": schemas.lists(y, pa.float32())}
     table = pa.table(columns)
     schemas.write(workspace.dataset("touch"), table.schema, [table])
+
+
+@pytest.fixture
+def called(workspace, monkeypatch, capsys) -> Callable[..., str]:
+    """`called("sheet", folder)`: what a command of `tactile` prints."""
+
+    def call(*words) -> str:
+        monkeypatch.setattr(sys, "argv", ["tactile", *map(str, words), "--root", str(workspace.root)])
+        command_line.main()
+        return capsys.readouterr().out
+
+    return call
 
 
 @pytest.fixture

@@ -74,7 +74,7 @@ def test_a_wrong_archive_is_named(checkout):
         bundle.restore(Workspace(folder), file)
 
 
-def test_what_was_not_run_is_named(workspace, checkout):
+def test_what_was_not_run_is_named(checkout):
     shutil.rmtree(checkout / ".dvc" / "cache")
     shutil.rmtree(checkout / "made")
     with pytest.raises(InputError, match="run `dvc repro` first"):

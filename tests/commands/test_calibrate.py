@@ -4,12 +4,10 @@ import argparse
 
 import numpy as np
 import pytest
-import yaml
-from builders.project import ROOT
+from builders.project import miniature_settings
 
 from pipeline.base import params, workers
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
 from pipeline.commands import calibrate
 from pipeline.datasets import series
 from pipeline.scoring import published
@@ -17,11 +15,9 @@ from pipeline.stability import changed_scene
 
 
 @pytest.fixture
-def values(tmp_path):
+def values(workspace):
     """params.yaml at the scale of the miniature."""
-    copy = copied(ROOT / "params.yaml", tmp_path)
-    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), copy)
-    return params.load(copy)
+    return miniature_settings(workspace)
 
 
 def serial(function, tasks, bar):

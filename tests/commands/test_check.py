@@ -112,7 +112,7 @@ def test_what_is_in_another_unit_keeps_its_sentence_beside_the_block(workspace, 
         and line[:1].isdigit() and line.split(",")[1].strip("-.0123456789") == "" and len(line.split(",")[1]) > 2
     ])  # fmt: skip
     first, block = checked(workspace, "touch", grams, capsys)
-    assert "write newtons" in first and first.endswith(f"; or {own_logs.PASTE}")
+    assert "outside -1000 to 1000 N; write newtons" in first and first.endswith(f"; or {own_logs.PASTE}")
     assert block["touch.ingest.format"] == {"load_cell.log": {"scale": 0.00981, "separator": ","}}
 
 

@@ -67,7 +67,7 @@ def test_every_setting_is_one_of_the_scene_and_every_statistic_a_twins():
     assert set(fit_strain.SET_BY.values()) <= set(twins.STATISTICS)
 
 
-def test_without_recordings_a_sentence_says_so(workspace, tmp_path, monkeypatch):
+def test_without_recordings_a_sentence_says_so(workspace):
     workspace.ingest_report("strain_recorded").parent.mkdir(parents=True)
     reason = "recordings not downloaded; run `tactile fetch strain_recorded`"
     workspace.ingest_report("strain_recorded").write_text(json.dumps({"run": False, "reason": reason}))

@@ -134,7 +134,7 @@ def jobs(out):
     return {name: each["status"] for name, each in json.loads((out / "run.json").read_text())["jobs"].items()}
 
 
-def test_a_pack_holds_code_settings_and_shards_and_no_data(stubs, workspace, tmp_path):
+def test_a_pack_holds_code_settings_and_shards_and_no_data(stubs, tmp_path):
     folder = stubs("glove_frames_strain@1-half", "touch_press@0-half", "physics_strain@2-full", processes=4)
     told = {each.pop("set"): each for each in json.loads((folder / "pack.json").read_text())["shards"]}
     assert list(told) == ["glove_frames_strain", "touch_press", "physics_strain"]  # as they were named

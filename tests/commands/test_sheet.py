@@ -1,7 +1,6 @@
 """`tactile sheet` on logs as people bring them: what it prints, draws and refuses."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ from builders import own_logs, pressed_sensors
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.commands import command_line, sheet
+from pipeline.commands import sheet
 from pipeline.sheet import quantities
 from pipeline.sheet.page import text
 from pipeline.sheet.quantities import QUANTITIES
@@ -31,16 +30,9 @@ def single_element(folder, presses=100, **truth):
     return folder
 
 
-def called(monkeypatch, capsys, workspace, *arguments):
-    """Return what `tactile sheet` prints."""
-    monkeypatch.setattr(sys, "argv", ["tactile", "sheet", *map(str, arguments), "--root", str(workspace.root)])
-    command_line.main()
-    return capsys.readouterr().out
-
-
-def test_a_folder_of_logs_gives_numbers_reasons_and_a_picture(workspace, tmp_path, monkeypatch, capsys):
+def test_a_folder_of_logs_gives_numbers_reasons_and_a_picture(workspace, called, tmp_path):
     folder = single_element(workspace.root / "data" / "own" / "finger", loop=0.06, rest_per_h=0.4, noise=1.0)
-    found = json.loads(called(monkeypatch, capsys, workspace, folder, "--json"))["finger"]
+    found = json.loads(called("sheet", folder, "--json"))["finger"]
     assert found["elements"] == 1 and found["stimulus"] == "N" and set(found["quantities"]) == set(QUANTITIES)
     lines = found["quantities"]
     assert lines["hysteresis"]["value"] == pytest.approx(6.0, rel=0.1)
@@ -53,7 +45,7 @@ def test_a_folder_of_logs_gives_numbers_reasons_and_a_picture(workspace, tmp_pat
     }
     assert lines["response time"]["bound"] == "at most" and lines["response time"]["value"] > 300
     picture = tmp_path / "drawn" / "sheet.png"
-    page = called(monkeypatch, capsys, workspace, folder, "--figure", picture)
+    page = called("sheet", folder, "--figure", picture)
     assert picture.stat().st_size > 10_000 and "](sheet.png)" in page
     assert page.startswith("# Data sheet: finger\n") and "nan" not in page
     shown = next(line for line in page.splitlines() if line.startswith("| hysteresis"))
@@ -81,12 +73,12 @@ def test_arrays_strands_and_gloves_are_read_by_their_logs(workspace):
     assert (pressure.name, bend.name) == ("glove, pressure", "glove, strain") and pressure.stimulus == ""
 
 
-def test_a_reason_that_many_quantities_have_is_said_once(workspace, monkeypatch, capsys):
+def test_a_reason_that_many_quantities_have_is_said_once(workspace, called):
     folder = workspace.root / "data" / "own" / "glove"
     own_logs.few_channels(folder)
     areas = {"force": {"rows": 1, "cols": 5}, "motion": {"rows": 1, "cols": 5, "lowest": -180, "highest": 180}}
     (folder / "settings.yaml").write_text(f"glove.sensor.scale: range\nglove.sensor.areas: {areas}\n")
-    page = called(monkeypatch, capsys, workspace, folder, "--out", workspace.root / "out")
+    page = called("sheet", folder, "--out", workspace.root / "out")
     assert not page and not (workspace.root / "out" / "sheet.png").exists()  # no press, nothing to draw
     page = (workspace.root / "out" / "README.md").read_text(encoding="utf-8")
     assert page.count("- sensitivity, non-linearity, hysteresis, ") == 2 == page.count(f": {quantities.NO_STIMULUS}.")
@@ -103,10 +95,10 @@ def test_touches_of_several_tips_are_no_loading_cycles(workspace):
     assert all("no press in one place" in line.reason for name, line in lines.items() if name != "crosstalk")
 
 
-def test_sheets_stand_side_by_side(workspace, monkeypatch, capsys):
+def test_sheets_stand_side_by_side(workspace, called):
     own = workspace.root / "data" / "own"
     folders = [single_element(own / name, presses=10, loop=loop) for name, loop in (("one", 0.02), ("other", 0.1))]
-    page = called(monkeypatch, capsys, workspace, *folders)
+    page = called("sheet", *folders)
     table = page.split("## one")[0].splitlines()
     assert any(line.startswith("| Quantity") and "one |" in line and "other |" in line for line in table)
     assert sum(line.startswith("| ") for line in table) == 2 + len(QUANTITIES)

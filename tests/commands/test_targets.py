@@ -1,7 +1,6 @@
 """`tactile check` and `tactile try` of a sensor that has a target of its own."""
 
 import json
-import sys
 
 import numpy as np
 import pandas as pd
@@ -10,24 +9,17 @@ import pytest
 from builders import free_targets
 
 from pipeline.base import processes
-from pipeline.commands import command_line, targets
+from pipeline.commands import targets
 from pipeline.commands.targets import Effort
 from pipeline.logs.formats import LOGS
 
 
-def called(monkeypatch, capsys, workspace, *arguments):
-    """Return what a command prints."""
-    monkeypatch.setattr(sys, "argv", ["tactile", *map(str, arguments), "--root", str(workspace.root)])
-    command_line.main()
-    return capsys.readouterr().out
-
-
-def test_a_target_is_checked_and_tested_without_any_other_log(workspace, monkeypatch, capsys):
+def test_a_target_is_checked_and_tested_without_any_other_log(workspace, called, monkeypatch):
     monkeypatch.setattr(targets, "LOOK", Effort(200, 5))
     folder = free_targets.angles(workspace.root / "data" / "own" / "joint")
-    said = called(monkeypatch, capsys, workspace, "check", folder)
+    said = called("check", folder)
     assert "ben: 2 recordings, 786 readings; angle: -49.8" in said and "\nready: `tactile try data/own/joint`" in said
-    assert "joint: angle, 198 windows, groups: anna, ben, cleo" in called(monkeypatch, capsys, workspace, "try", folder)
+    assert "joint: angle, 198 windows, groups: anna, ben, cleo" in called("try", folder)
     report = workspace.reports / "own" / "joint"
     page, scores = (report / "README.md").read_text(), pd.read_csv(report / "scores.csv")
     assert page.startswith("# `joint`: angle, your own logs\n") and "nan" not in page and "inf" not in page
@@ -38,40 +30,40 @@ def test_a_target_is_checked_and_tested_without_any_other_log(workspace, monkeyp
     assert f"{mean:.2f} [" in row
 
 
-def test_the_first_thing_to_fix_is_said(workspace, monkeypatch, capsys):
+def test_the_first_thing_to_fix_is_said(workspace, called):
     folder = free_targets.angles(workspace.root / "data" / "own" / "joint", people=("anna",), seconds=3.0)
     (folder / "bend" / "anna_1" / "arm.log").unlink()
     with pytest.raises(SystemExit, match="fix first: .*bend/anna_1/arm.log: log not found"):
-        called(monkeypatch, capsys, workspace, "check", folder)
+        called("check", folder)
 
 
 @pytest.mark.parametrize("command", ["check", "try"])
-def test_times_of_both_logs_in_milliseconds_are_said(command, workspace, monkeypatch, capsys):
+def test_times_of_both_logs_in_milliseconds_are_said(command, workspace, called):
     folder = free_targets.angles(workspace.root / "data" / "own" / "joint", people=("anna",), seconds=30.0)
     for path in folder.rglob("*.log"):
         rows = [line.partition(",") for line in path.read_text().splitlines()]
         path.write_text("".join(f"{1000 * float(at):.0f},{rest}\n" for at, _, rest in rows))
     with pytest.raises(SystemExit, match="fix first: .*daq.log: 0.01 lines per second; .* Divide milliseconds by 1000"):
-        called(monkeypatch, capsys, workspace, command, folder)
+        called(command, folder)
 
 
-def trained(monkeypatch, capsys, workspace, folder):
+def trained(called, monkeypatch, workspace, folder):
     """Return the folder of the model that a quick look keeps."""
     monkeypatch.setattr(targets, "LOOK", Effort(300, 10))
     monkeypatch.chdir(workspace.root)
-    said = called(monkeypatch, capsys, workspace, "try", folder)
+    said = called("try", folder)
     model = workspace.root / "build" / "own" / folder.name / "trained" / "target"
     assert f"{model}: the model of all groups" in said
     return model
 
 
-def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, tmp_path, monkeypatch, capsys):
-    model = trained(monkeypatch, capsys, workspace, free_targets.angles(workspace.root / "data" / "own" / "joint"))
+def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, called, tmp_path, monkeypatch):
+    model = trained(called, monkeypatch, workspace, free_targets.angles(workspace.root / "data" / "own" / "joint"))
     logs = free_targets.angles(tmp_path / "new", people=("dora", "emil"), seconds=20.0) / "bend"
     (logs / "dora_1" / "arm.log").unlink()
     log = logs / "dora_1" / "daq.log"
     log.write_text(f"{log.read_text()}restarted\n{log.read_text()}")
-    called(monkeypatch, capsys, workspace, "predict", model, logs)
+    called("predict", model, logs)
     out = workspace.root / "predictions" / "bend"
     table = pq.read_table(out / "predictions.parquet").to_pandas()
     summary = json.loads((out / "summary.json").read_text())
@@ -89,22 +81,22 @@ def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, tm
     assert card["groups"] == tests["test"].tolist() and card["scores"]["RMSE"] == pytest.approx(tests["value"].mean())
     for command in (["live", model, "--replay", logs / "dora_0" / "daq.log"], ["export", model, tmp_path / "exported"]):
         with pytest.raises(SystemExit, match="only `tactile predict MODEL LOGS` takes the model of a target"):
-            called(monkeypatch, capsys, workspace, *command)
+            called(*command)
     with open(model / "estimator.skops", "ab") as file:
         file.write(b"0")
     with pytest.raises(SystemExit, match="is not the file that target.json describes; train it again"):
-        called(monkeypatch, capsys, workspace, "predict", model, logs)
+        called("predict", model, logs)
 
 
-def test_the_model_of_a_class_names_sets(workspace, tmp_path, monkeypatch, capsys):
+def test_the_model_of_a_class_names_sets(workspace, called, tmp_path, monkeypatch):
     folder = free_targets.objects(workspace.root / "data" / "own" / "mat")
     asked = (folder / "settings.yaml").read_text()
     (folder / "settings.yaml").write_text(asked.replace("folder: 1", "folder: 1\n  window_s: 0.1"))
-    model = trained(monkeypatch, capsys, workspace, folder)
+    model = trained(called, monkeypatch, workspace, folder)
     logs = free_targets.objects(tmp_path / "new", grasps=1)
     (logs / "cup" / "day0_0").rename(logs / "cup" / "unknown")
     (logs / "cup").rename(logs / "what")
-    called(monkeypatch, capsys, workspace, "predict", model, logs, "--out", tmp_path / "out")
+    called("predict", model, logs, "--out", tmp_path / "out")
     table = pq.read_table(tmp_path / "out" / "predictions.parquet").to_pandas()
     summary = {
         each["recording"]: each for each in json.loads((tmp_path / "out" / "summary.json").read_text())["recordings"]
@@ -123,11 +115,11 @@ def test_the_model_of_a_class_names_sets(workspace, tmp_path, monkeypatch, capsy
     ("experiment", "made", "way"), [("strain", free_targets.angles, -1), ("glove", free_targets.objects, 1)]
 )
 def test_readings_outside_the_training_have_no_interval_or_set(
-    experiment, made, way, workspace, tmp_path, monkeypatch, capsys
+    experiment, made, way, workspace, called, tmp_path, monkeypatch
 ):
     """The second half of a log is shifted by a third of what the sensor showed in training."""
     folder = made(workspace.root / "data" / "own" / "sensor")
-    model, log = trained(monkeypatch, capsys, workspace, folder), min(folder.rglob(LOGS[experiment]))
+    model, log = trained(called, monkeypatch, workspace, folder), min(folder.rglob(LOGS[experiment]))
     card = json.loads((model / "target.json").read_text())
     (kind,) = card["trained_on"]
     shift = way * (np.array(kind["high"]) - kind["low"]).max() / 3
@@ -138,7 +130,7 @@ def test_readings_outside_the_training_have_no_interval_or_set(
     moved.write_text("".join(",".join(line) + "\n" for line in lines))
 
     def predicted(path):
-        said = called(monkeypatch, capsys, workspace, "predict", model, path, "--out", tmp_path / "out")
+        said = called("predict", model, path, "--out", tmp_path / "out")
         (summary,) = json.loads((tmp_path / "out" / "summary.json").read_text())["recordings"]
         return said, summary, pq.read_table(tmp_path / "out" / "predictions.parquet").to_pandas()
 
@@ -158,8 +150,8 @@ def test_readings_outside_the_training_have_no_interval_or_set(
     assert "outside_training" not in table and not table.isna().any(axis=None), "as a card of before"
 
 
-def test_two_runs_on_one_sensor_do_not_mix(workspace, monkeypatch, capsys):
+def test_two_runs_on_one_sensor_do_not_mix(workspace, called):
     folder = free_targets.angles(workspace.root / "data" / "own" / "joint", people=("anna",), seconds=3.0)
     with processes.holding(workspace.root / "build" / "own" / "joint" / "lock", lambda: None):
         with pytest.raises(SystemExit, match="is already running; wait until it ends, or stop it"):
-            called(monkeypatch, capsys, workspace, "try", folder)
+            called("try", folder)

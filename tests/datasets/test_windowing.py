@@ -35,11 +35,14 @@ def test_frame_step_spreads_a_window():
     assert rows[0].tolist() == [0, 3, 6, 9] and rows[1, 0] == 5 and rows.max() <= 29
 
 
-def test_the_window_before_ends_one_step_before_the_first_frame_and_never_in_another_press():
-    """Three frames, two apart, from every frame on: window k begins at frame k, so that the one before is k - 6."""
-    run = np.zeros(20, int)
-    rows = window_rows(run, frames=3, frame_step=2, stride=1)
-    assert previous_windows(rows, run, frame_step=2).tolist() == [-1] * 6 + list(range(10))
-    run = np.repeat([0, 1], 10)
-    rows = window_rows(run, frames=3, frame_step=2, stride=1)
-    assert previous_windows(rows, run, frame_step=2).tolist() == [-1] * 12
+def test_a_window_goes_on_from_the_one_that_ends_before_it():
+    run = np.repeat([0, 1, 2], [12, 9, 5])  # 26 frames
+    rows = window_rows(run, frames=4, frame_step=1, stride=4)
+    assert rows[:, 0].tolist() == [0, 4, 8, 12, 16, 21]
+    assert previous_windows(rows, run, 1).tolist() == [-1, 0, 1, -1, 3, -1]
+    rows = window_rows(run, frames=4, frame_step=1, stride=2)  # two streams, one two frames behind
+    assert rows[:, 0].tolist() == [0, 2, 4, 6, 8, 12, 14, 16, 21]
+    assert previous_windows(rows, run, 1).tolist() == [-1, -1, 0, 1, 2, -1, -1, 5, -1]
+    rows = window_rows(run, frames=2, frame_step=3, stride=6)
+    assert rows.tolist() == [[0, 3], [6, 9], [12, 15], [21, 24]]
+    assert previous_windows(rows, run, 3).tolist() == [-1, 0, -1, -1]

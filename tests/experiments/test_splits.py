@@ -49,7 +49,7 @@ def test_random_windows_overlap_and_those_of_presses_never_do(settings, share, a
         assert overlap(table, touch.split(table, settings, "press", seed)) == 0
 
 
-def test_a_share_of_the_sliding_windows_is_of_whole_stretches_of_all_presses(settings):
+def test_a_share_of_the_sliding_windows_is_of_whole_stretches_of_all_presses():
     rows = [windows_of(frames(press_force(200)), WINDOW | {"sliding": {"single": s}}) for s in (1.0, 0.25, 0.0)]
     every, quarter, none = (np.round(t["t_s"].to_numpy()[t["sliding"].to_numpy()] * 50).astype(int) for t in rows)
     assert len(every) == 200 * 33 and len(none) == 0 and len(quarter) / len(every) == pytest.approx(0.25, abs=0.01)

@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from builders.strain_workspaces import CYCLES, save, workspace
 
-from pipeline import models
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas, series
 from pipeline.experiments import strain_recorded
-from pipeline.experiments.strain_recorded import CYCLE, PRESSED, read_recording
+from pipeline.experiments.strain_recorded import CYCLE, read_recording
 from pipeline.inference import recordings
-from pipeline.learning.regressors import Spec
-from pipeline.learning.series_regressors import adapted
 from pipeline.logs import parse
 
 SETTINGS = {"ingest": {"every": 3, "max_reject_fraction": 0.05}, "split": {"train": 0.7, "validation": 0.1}}
@@ -100,9 +97,8 @@ BAD = {
 @pytest.mark.parametrize("fault", BAD)
 def test_a_workspace_of_another_kind_is_one_sentence(fault, tmp_path):
     content, sentence = BAD[fault]
-    with pytest.raises(InputError, match=sentence) as error:
+    with pytest.raises(InputError, match=sentence):
         read_recording(save(tmp_path, content), SETTINGS)
-    assert "\n" not in str(error.value)
 
 
 def test_a_file_too_large_or_with_another_name_is_refused(tmp_path, monkeypatch):
@@ -203,45 +199,3 @@ def test_a_protocol_is_a_split_and_a_task():
     for wrong in ("within_day", "tuesday_xy", "within_day_yz", ""):
         with pytest.raises(InputError, match=f"no protocol '{wrong}'; a protocol is one of within_day, across_days"):
             strain_recorded.task(wrong, {})
-
-
-RECIPE = {"learning_rate": 1e-2, "epochs": 3, "batch": 4, "length": 30, "warm_up": 10, "clip": 1.0}
-BLOCKS = {
-    "lstm_highpass": {"filters": 5, "taps": 4, "units": 8, "training": RECIPE},
-    "press_difference": {"press": 6, "trees": 3, "min_samples_leaf": 2},
-}
-
-
-def built(name, block=None):
-    spec = Spec(10, 1, 6, 1, 2)
-    return adapted(models.build(name, spec, BLOCKS[name] if block is None else block, "test"), spec)
-
-
-def record(folder):
-    """Presses that the strands feel in proportion to the place, on top of offsets that drift."""
-    content = workspace(cycles=60)
-    place = np.repeat(content["pos"].T, CYCLE, axis=0) * (np.arange(60 * CYCLE) % CYCLE >= PRESSED)[:, None]
-    rng = np.random.default_rng(3)
-    content["voltage"] += 0.005 * place @ rng.standard_normal((2, 6)) + np.linspace(0, 0.2, 60 * CYCLE)[:, None]
-    frames, _, _ = read_recording(save(folder, content), SETTINGS)
-    press, training = frames["press"].to_numpy(), np.arange(frames.num_rows) < 0.8 * frames.num_rows
-    x, y = schemas.matrix(frames["v"])[:, :6], schemas.matrix(frames["y_mm"])[:, :2]
-    return series.Record(x, y, press >= 0, training, press)
-
-
-def test_impossible_settings_are_one_sentence(tmp_path):
-    block = BLOCKS["lstm_highpass"]
-    for change, sentence in (
-        ({"taps": 1}, "taps: input should be greater than or equal to 2, got 1"),
-        ({"training": RECIPE | {"rate": 1}}, "training: unknown key 'rate'; known: learning_rate"),
-        ({"training": RECIPE | {"warm_up": 30}}, "warm_up should be less than length"),
-    ):
-        with pytest.raises(InputError, match=sentence):
-            built("lstm_highpass", block | change)
-    with pytest.raises(InputError, match="no stretch of 5000 samples to train on; lower training.length"):
-        model = built("lstm_highpass", block | {"training": RECIPE | {"length": 5000}})
-        model.fit([record(tmp_path)], seed=0, device="cpu")
-    with pytest.raises(InputError, match="press is 10, which needs windows of 13 samples, but they have 10"):
-        built("press_difference", BLOCKS["press_difference"] | {"press": 10})
-    with pytest.raises(InputError, match="not found; train the model first"):
-        built("lstm_highpass").load(tmp_path)

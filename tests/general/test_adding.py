@@ -6,16 +6,15 @@ import shutil
 import pandas as pd
 import pytest
 import yaml
-from builders.project import ROOT, Project, copy_code, in_this_process
+from builders.project import ROOT, Project, copy_code, in_this_process, miniature_settings, run_stage
 
-from pipeline.base.params_file import set_values
 from pipeline.claims.rules import REPRODUCED
 from pipeline.scoring import one_table, shards
 from pipeline.stages import judge, render_study, shard
 
 CLAIM = """\
   - id: better-than-linear
-    text: On double touch LoMP errs less than a linear regression does.
+    text: On double touch LoMP errs less than a linear regression does, by {published:.1f} kPa.
     source: Table I
     above: double.linear - double.lomp
 """
@@ -55,10 +54,11 @@ def test_a_claim_of_five_lines_is_judged_in_the_report(workspace, monkeypatch):
     file.parent.mkdir()
     assert len(CLAIM.splitlines()) <= 5
     file.write_text(f"paper: lomp\nclaims:\n{CLAIM}")
-    monkeypatch.setattr("sys.argv", ["judge"])
-    judge.main(workspace)
+    run_stage(monkeypatch, workspace, judge)
     row = pd.read_csv(workspace.reports / "claims.csv").set_index("id").loc["lomp/better-than-linear"]
-    assert row["verdict"] == REPRODUCED and 0 < row["low"] < row["ours"] and row["published"] > 0
+    assert row["verdict"] == REPRODUCED and 0 < row["low"] < row["ours"]
+    assert row["published"] == pytest.approx(16.91 - 7.49)
+    assert row["claim"] == "On double touch LoMP errs less than a linear regression does, by 9.4 kPa."
     (line,) = [
         line
         for line in (workspace.reports / "claims.md").read_text().splitlines()
@@ -88,7 +88,7 @@ def test_a_model_of_two_files_is_trained_and_in_the_report(tmp_path):
 @pytest.mark.slow
 def test_a_study_of_one_entry_is_computed_and_in_the_report(workspace, monkeypatch, undrawn):
     in_this_process(monkeypatch)
-    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
+    miniature_settings(workspace)
     blocks = {"strain": yaml.safe_load((ROOT / "evidence" / "shards.yaml").read_text())["strain"]}
     blocks["strain"] |= {"seeds": 1, "set": {}}
     sets = shards.folder(workspace) / "shards.yaml"
@@ -96,14 +96,12 @@ def test_a_study_of_one_entry_is_computed_and_in_the_report(workspace, monkeypat
     sets.write_text(yaml.safe_dump(blocks))
 
     def report() -> str:
-        monkeypatch.setattr("sys.argv", ["render_study", "computed"])
-        render_study.main(workspace)
+        run_stage(monkeypatch, workspace, render_study, "computed")
         return (workspace.reports / "rightsize" / "README.md").read_text()
 
     assert "LSTM" not in report()
     sets.write_text(sets.read_text() + STUDY)
-    monkeypatch.setattr("sys.argv", ["shard", "capacity", "0", "full"])
-    shard.main(workspace)
+    run_stage(monkeypatch, workspace, shard, "capacity", "0", "full")
     after = report()
     table = pd.read_csv(workspace.reports / "rightsize.csv")
     assert set(table["experiment"]) == {"strain"} and sorted(set(table["size"])) == [3, 5] and set(table["runs"]) == {1}

@@ -6,15 +6,13 @@ import mlflow
 import numpy as np
 import pytest
 import yaml
-from builders.made_results import write_results
+from builders.made_results import fit_linear, write_results
 from builders.project import ROOT
 
-from pipeline import models
 from pipeline.base import params
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_runs, mlflow_store
-from pipeline.tasks import windows
 
 SEEDS = (2, 0, 1)  # as params.yaml may list them: a run's place is not its seed
 FRAMES, STEP, ELEMENTS = 4, 2, 6
@@ -32,14 +30,7 @@ def tracked(tmp_path_factory):
     values = {"experiments": ["touch"], "device": "auto", "touch": touch}
     write_results(workspace.root, values)
     workspace.params.write_text(yaml.safe_dump(values))
-    known = {}
-    for seed in SEEDS:
-        rng, model = np.random.default_rng(seed), models.build("linear", windows.spec(touch), {}, "touch.models.linear")
-        x, y = rng.normal(size=(90, FRAMES, ELEMENTS)), rng.normal(size=(90, 15))
-        part = x.astype(np.float32), y.astype(np.float32)
-        model.fit(part, part, seed=seed)
-        model.save(workspace.run_folder("touch", "linear", "press", seed))
-        known[seed] = model
+    known = {seed: fit_linear(touch, seed, workspace.run_folder("touch", "linear", "press", seed)) for seed in SEEDS}
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
         mlflow_runs.track(workspace, values)

@@ -113,7 +113,7 @@ def test_an_untouched_sensor_has_no_touch_and_no_force():
         assert np.isnan(touches.force_n(maps, model.card)[:35]).all()
 
 
-def test_a_lost_line_makes_no_touch_and_no_force(double, tmp_path):
+def test_a_lost_line_makes_no_touch_and_no_force(double):
     """Lines lost in mid-press, one by one and a few in a row, against the same log with all of its lines."""
     model = predictor.load(TOUCH)
     whole = recordings.read(double[0], "double", model.card)

@@ -144,26 +144,6 @@ def test_a_processor_without_bfloat16_trains_as_in_float32(processor):
     assert model.predict(parts[0][0]).dtype == np.float32
 
 
-class _BreaksDown(nn.Module):
-    """Answers NaN from its third training step on."""
-
-    def __init__(self):
-        super().__init__()
-        self.linear = linear_network()
-        self.steps = 0
-
-    def forward(self, x):
-        self.steps += self.training
-        return self.linear(x) * (float("nan") if self.steps > 2 else 1.0)
-
-
-def test_divergence_is_recorded_not_raised():
-    model = TorchRegressor(_BreaksDown, SPEC, WindowTraining(**settings(batch_size=64)))
-    history = model.fit(windows(), windows(seed=1), seed=0)
-    assert model.summary == ("diverged", 2)
-    assert len(history) == 3 and np.isnan(history[-1]["train_loss"])
-
-
 def test_fit_leaves_the_global_generator_alone():
     torch.manual_seed(5)
     expected = torch.rand(3)

@@ -12,13 +12,12 @@ from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec
 from pipeline.learning.trained import Fitted
 from pipeline.scoring import metrics
-from pipeline.stages import train
 
 SPEC = Spec(2, 1, 3, 1, 2)
 
 
 @pytest.fixture
-def values(workspace, tmp_path, monkeypatch):
+def values(workspace):
     """params.yaml in a folder of its own, with one run of `linear_array` of touch saved there."""
     rng = np.random.default_rng(0)
     x, y = rng.normal(size=(40, 2, 3)).astype(np.float32), rng.normal(size=(40, 2)).astype(np.float32)
@@ -67,10 +66,3 @@ def test_a_model_that_starts_from_model_zero_says_so(model):
     """Its `fit` gets no model-0 otherwise, and it would not be trained again where model-0 changes."""
     block = params.load(ROOT / "params.yaml")["strain"]["models"][model]
     assert params.transfers(model) == getattr(models.build(model, SPEC, block, "test"), "transfer", False)
-
-
-def test_an_unknown_experiment_is_one_sentence(workspace, monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["train", "tuch"])
-    with pytest.raises(SystemExit):
-        train.main(workspace)
-    assert "argument experiment: invalid choice: 'tuch'" in capsys.readouterr().err

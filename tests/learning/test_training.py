@@ -8,12 +8,9 @@ from torch import nn
 
 from pipeline.learning.training import (
     BFLOAT16_INSTRUCTIONS,
-    RISE,
     Epoch,
     Schedule,
     precision_on,
-    products_in,
-    rate_at,
     run_epochs,
 )
 
@@ -68,13 +65,6 @@ def test_progress_hears_every_epoch():
     assert heard[0] == (1, 2, 3, 2) and heard[1][:3] == (2, 2, 1) and math.isnan(heard[1][3])
 
 
-def test_the_rate_rises_over_a_tenth_of_the_training_and_falls_to_zero():
-    assert RISE == 0.1 and rate_at(0) == 0 and rate_at(0.1) == 1 and rate_at(1) == 0
-    assert rate_at(0.05) == pytest.approx(0.5) and rate_at(0.55) == pytest.approx(0.5)
-    rates = [rate_at(percent / 100) for percent in range(101)]
-    assert rates[:11] == sorted(set(rates[:11])) and rates[10:] == sorted(set(rates[10:]), reverse=True)
-
-
 def test_a_schedule_sets_the_rate_of_all_weights():
     weights = [nn.Parameter(torch.zeros(())) for _ in range(2)]
     optimiser = torch.optim.SGD([{"params": [weight], "lr": 9.0} for weight in weights])
@@ -92,11 +82,3 @@ def test_bfloat16_is_had_where_the_processor_has_instructions_for_it(instruction
     assert (precision_on(cpu, "bfloat16"), precision_on(cpu, "float32")) == ("bfloat16", "float32")
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx2": True, instructions: False})
     assert precision_on(cpu, "bfloat16") == "float32"
-
-
-def test_products_are_in_the_precision_asked_for_and_weights_in_float32():
-    layer, x = nn.Linear(3, 2), torch.ones(4, 3)
-    for precision, expected in (("float32", torch.float32), ("bfloat16", torch.bfloat16)):
-        with products_in(precision, torch.device("cpu")):
-            product = layer(x)
-        assert product.dtype == expected and layer.weight.dtype == torch.float32

@@ -49,13 +49,6 @@ def test_a_card_trains_as_the_cpu_does_and_a_graph_as_its_kernels(name, monkeypa
     np.testing.assert_allclose(graphs, losses(name, "cpu"), rtol=0.02)
 
 
-def test_on_a_cpu_an_update_is_a_plain_call():
-    calls = []
-    update = updates.Update(lambda *given: calls.append(given) or given, torch.device("cpu"))
-    batch = torch.arange(3)
-    assert update(batch, None) == (batch, None) and len(calls) == 1
-
-
 def test_series_stay_on_the_cpu_unless_a_card_is_named(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     assert device_of("auto").type == "cuda" and device_of("auto", series=True).type == "cpu"

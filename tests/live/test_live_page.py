@@ -7,22 +7,12 @@ import time
 
 import numpy as np
 import pytest
-from builders import browser
 from builders.devices import Device, until
 from builders.live_models import press, printed
 from builders.project import ROOT
 
 pytestmark = pytest.mark.slow
 SECONDS = 4  # that the device prints
-
-
-@pytest.fixture
-def tab(tmp_path):
-    if not browser.executable():
-        pytest.skip("no Chromium on the path")
-    opened = browser.Browser(tmp_path / "profile")
-    yield opened
-    opened.close()
 
 
 def command(*arguments: str) -> subprocess.Popen:

@@ -50,13 +50,6 @@ def test_a_slow_device_is_said_to_be(package):
     assert session.notes[1].startswith("Frames are 0.1 s apart, in training 0.04 s: expect larger errors")
 
 
-def test_windows_span_no_gap(package):
-    data = printed(press(120)) + printed(press(30), begin_us=9_000_000)
-    values = np.stack([each.values for each in taken(session_of(package("linear")), data)])
-    missing = np.isnan(values).any(axis=(1, 2))
-    assert np.flatnonzero(missing).tolist() == [*range(WINDOW), *range(120, 120 + WINDOW)]
-
-
 @pytest.mark.parametrize("hz", [100, 500])
 def test_lines_in_packets_are_predicted_as_lines_one_by_one(hz, package, monkeypatch):
     monkeypatch.setattr(Session, "_time_of_a_step", lambda self: 1e-4)

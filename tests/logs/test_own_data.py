@@ -135,7 +135,7 @@ def test_ingest_refuses_logs_outside(workspace, source, root):
     assert said.startswith(
         f"params/touch.yaml, touch.source: {named} is not in data/own, so `dvc repro` would not notice "
     )
-    assert said.endswith(f"`cp -rs {outside} {root / 'data' / 'own' / 'finger'}`") and "\n" not in said
+    assert said.endswith(f"`cp -rs {outside} {root / 'data' / 'own' / 'finger'}`")
     assert not workspace.frames("touch").exists()
 
 

@@ -188,7 +188,7 @@ def test_failed_download_is_one_sentence(workspace, server, monkeypatch):
         fetch.fetch(workspace, "velostat_recorded")
 
 
-def test_the_list_has_size_licence_and_state(workspace, server, monkeypatch):
+def test_the_list_has_size_licence_and_state(workspace, server):
     def line(name: str) -> str:
         return next(line for line in fetch.listing(workspace).splitlines() if line.startswith(name))
 

@@ -6,10 +6,9 @@ import pytest
 import torch
 
 from pipeline import models
-from pipeline.datasets import windowing
 from pipeline.datasets.windows import Dataset
 from pipeline.learning.regressors import Spec
-from pipeline.models import lomp, lomp_stream
+from pipeline.models import lomp_stream
 
 SPEC = Spec(4, 2, 2, 4, 4)
 TRAINING = dict(learning_rate=3e-3, batch_size=8, epochs=15)
@@ -30,19 +29,6 @@ def presses(count=40, seed=0):
     previous = np.arange(3 * count) - 1
     previous[::3] = -1
     return x, y.astype(np.float32), previous
-
-
-def test_a_window_goes_on_from_the_one_that_ends_before_it():
-    run = np.repeat([0, 1, 2], [12, 9, 5])  # 26 frames
-    rows = windowing.window_rows(run, frames=4, frame_step=1, stride=4)
-    assert rows[:, 0].tolist() == [0, 4, 8, 12, 16, 21]
-    assert windowing.previous_windows(rows, run, 1).tolist() == [-1, 0, 1, -1, 3, -1]
-    rows = windowing.window_rows(run, frames=4, frame_step=1, stride=2)  # two streams, one two frames behind
-    assert rows[:, 0].tolist() == [0, 2, 4, 6, 8, 12, 14, 16, 21]
-    assert windowing.previous_windows(rows, run, 1).tolist() == [-1, -1, 0, 1, 2, -1, -1, 5, -1]
-    rows = windowing.window_rows(run, frames=2, frame_step=3, stride=6)
-    assert rows.tolist() == [[0, 3], [6, 9], [12, 15], [21, 24]]
-    assert windowing.previous_windows(rows, run, 3).tolist() == [-1, 0, -1, -1]
 
 
 def test_of_some_windows_only_those_before_that_are_there_count():
@@ -99,24 +85,6 @@ def test_a_state_that_grows_is_cut(side_by_side):
         loss, state = model.update(part, sum, torch.tensor([window]), state)
         losses.append(loss.item())
     assert not np.isfinite(losses).all()  # in training a state is as large as it gets
-
-
-def test_gradients_after_a_carried_state_are_those_of_plain_autograd():
-    torch.manual_seed(0)
-    network = lomp.maker(Spec(3, 2, 2, 2, 2), 3, [4], 4, 0.3)().double()
-    torch.nn.init.normal_(network.readout[-1])  # a network that starts, at zero, passes no gradient on
-    x, state = torch.randn(5, 3, 4, dtype=torch.float64), torch.randn(4, 5, 3, dtype=torch.float64)
-    network.go_on(x, state)[0].square().sum().backward()
-    step = 1e-6
-    for name, weight in network.named_parameters():
-        direction, losses = torch.randn_like(weight), []
-        for sign in (1, -1):
-            with torch.no_grad():
-                weight += sign * step * direction
-                losses.append(float(network.go_on(x, state)[0].square().sum()))
-                weight -= sign * step * direction
-        slope = (losses[0] - losses[1]) / (2 * step)
-        assert slope == pytest.approx(float((weight.grad * direction).sum()), rel=1e-5, abs=1e-7), name
 
 
 @pytest.mark.slow

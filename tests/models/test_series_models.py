@@ -141,9 +141,22 @@ def test_uncounted_samples_do_not_matter():
         np.testing.assert_allclose(clean.predict(data.x), other.predict(data.x), atol=1e-5)
 
 
-def test_recipe_names_a_wrong_key():
-    with pytest.raises(InputError, match="test.training: unknown key 'epoch'; did you mean 'epochs'"):
-        build("lstm_direct", spec(2), {"units": 8, "training": RECIPE | {"epoch": 3}})
+def test_impossible_settings_are_one_sentence(tmp_path):
+    block = EVERY_BLOCK["lstm_highpass"]
+    for change, sentence in (
+        ({"taps": 1}, "taps: input should be greater than or equal to 2, got 1"),
+        ({"training": HIGHPASS | {"rate": 1}}, "test.training: unknown key 'rate'; known: learning_rate"),
+        ({"training": HIGHPASS | {"warm_up": 30}}, "warm_up should be less than length"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            build("lstm_highpass", spec(2), block | change)
+    with pytest.raises(InputError, match="no stretch of 5000 samples to train on; lower training.length"):
+        model = build("lstm_highpass", spec(2), block | {"training": HIGHPASS | {"length": 5000}})
+        model.fit([record()], seed=0, device="cpu")
+    with pytest.raises(InputError, match="press is 10, which needs windows of 13 samples, but they have 5"):
+        build("press_difference", spec(2), EVERY_BLOCK["press_difference"] | {"press": 10})
+    with pytest.raises(InputError, match="not found; train the model first"):
+        build("lstm_highpass", spec(2), block).load(tmp_path)
 
 
 def test_training_never_gets_the_test_part():

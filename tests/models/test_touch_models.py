@@ -114,7 +114,10 @@ def test_number_of_parameters_of_a_tree():
         ("rnn", 8 * 4 * 128 * (25 + 3 * 128) + 128 * 400),
         ("cnn", 25 * 9 * (8 * 32 + 32 * 64 + 64 * 64) + 1600 * 256 + 256 * 256 + 256 * 400),
         ("convlstm", 8 * 25 * 9 * 33 * 128 + 800 * 400),
-        ("lomp", 17_510_400),
+        (  # the GRU, U and P of an element and frame; its read-out
+            "lomp",
+            25 * (8 * (384 + 128 * 384 + 2 * 128 * 128) + 256 * 128 + 128 * 64 + 64 * 16),
+        ),
     ],
 )
 def test_multiply_accumulates(key, macs):

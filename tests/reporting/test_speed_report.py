@@ -51,7 +51,7 @@ def test_times_that_overlap_are_equal():
 
 
 @pytest.fixture
-def measured(workspace, tmp_path, monkeypatch):
+def measured(workspace):
     """(settings, scores, latency) of three models, two conditions with a split each; `bad` has one failed run."""
     settings = {
         "models": {"constant": {}, "tree": {}, "cnn": {}},

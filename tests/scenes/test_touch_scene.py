@@ -229,7 +229,7 @@ def test_a_hand_trembles():
     assert power[(hz > 0.9 * low) & (hz < 1.1 * high)].sum() > 0.99 * power.sum()
 
 
-def test_elements_are_read_one_after_the_other(settings):
+def test_elements_are_read_one_after_the_other():
     grid = np.repeat(np.arange(200)[:, None] * touch_motion.STEP_S, 3, axis=1)
     at = np.array([0.5, 1.0])[:, None] + np.array([0.0, 1e-3, 2e-3])
     np.testing.assert_allclose(touch.sampled(grid, at), at)

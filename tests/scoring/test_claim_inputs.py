@@ -49,7 +49,7 @@ def test_a_map_of_the_tape_is_tilted_to_the_side_with_more_pressure():
 
 
 @pytest.mark.parametrize("loss", [100, 0, -100])
-def test_press_off_the_centre_shifts_the_curve(workspace, tmp_path, monkeypatch, loss):
+def test_press_off_the_centre_shifts_the_curve(workspace, loss):
     rng, n = np.random.default_rng(0), 4000
     x, y = rng.uniform(0, 60, n), rng.uniform(0, 60, n)
     away = np.maximum(np.abs(x % 12 - 6), np.abs(y % 12 - 6))

@@ -6,12 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow as pa
 import pytest
-import yaml
-from builders.project import ROOT
+from builders.project import ROOT, miniature_settings, run_stage
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.experiments import glove, glove_recorded
@@ -30,25 +28,13 @@ def workspace(tmp_path_factory) -> Workspace:
 @pytest.fixture(scope="module")
 def project(workspace):
     """Logs, frames and dataset of the glove at miniature scale, naive Bayes and constant trained and scored."""
-    copied(ROOT / "params.yaml", workspace.root)
-    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
-    values = params.load(workspace.params)
+    values = miniature_settings(workspace)
     values["glove"]["models"] = MODELS
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(params, "load", lambda _: values)
-        simulate.simulate(workspace, "glove", values["glove"])
-        ingest.ingest(workspace, "glove", values["glove"])
-        patch.setattr("sys.argv", ["dataset", "glove"])
-        dataset.main(workspace)
-        scores = []
-        for model in MODELS:
-            for protocol, seed in params.runs(values, "glove"):
-                target = workspace.run_folder("glove", model, protocol, seed)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                train.train_run(workspace, values, "glove", model, protocol, seed, target, lambda *numbers: None)
-            scores += evaluate.evaluate_model(workspace, values, "glove", model, workspace.root, lambda: None)
-        with open(workspace.scores("glove"), "w", newline="") as file:
-            csv.writer(file).writerows([evaluate.COLUMNS, *scores])
+        patch.setenv("WORKERS", "1")
+        for stage in (simulate, ingest, dataset, train, evaluate):
+            run_stage(patch, workspace, stage, "glove")
         yield values
 
 

@@ -5,12 +5,10 @@ import json
 
 import numpy as np
 import pytest
-import yaml
-from builders.project import ROOT
+from builders.project import ROOT, miniature_settings, run_stage
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import series
 from pipeline.scenes import strain, strain_stress
@@ -119,32 +117,14 @@ def workspace(tmp_path_factory) -> Workspace:
 @pytest.fixture(scope="module")
 def project(workspace):
     """Logs, frames and dataset of strain at miniature scale, ridge and constant trained and scored; its settings."""
-    values = miniature(workspace)
+    values = miniature_settings(workspace)
+    values["strain"]["models"] = {"constant": {}, "ridge": {"ridge": 1.0}}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(params, "load", lambda _: values)
-        simulate.simulate(workspace, "strain", values["strain"])
-        ingest.ingest(workspace, "strain", values["strain"])
-        patch.setattr("sys.argv", ["dataset", "strain"])
-        dataset.main(workspace)
-        scores = []
-        for model in values["strain"]["models"]:
-            for protocol, seed in params.runs(values, "strain"):
-                target = workspace.run_folder("strain", model, protocol, seed)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                train.train_run(workspace, values, "strain", model, protocol, seed, target, lambda *numbers: None)
-            scores += evaluate.evaluate_model(workspace, values, "strain", model, workspace.root, lambda: None)
-        with open(workspace.scores("strain"), "w", newline="") as file:
-            csv.writer(file).writerows([evaluate.COLUMNS, *scores])
+        patch.setenv("WORKERS", "1")
+        for stage in (simulate, ingest, dataset, train, evaluate):
+            run_stage(patch, workspace, stage, "strain")
         yield values
-
-
-def miniature(workspace) -> dict:
-    """params.yaml at miniature scale, with the two models of strain that are solved at once."""
-    copied(ROOT / "params.yaml", workspace.root)
-    set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
-    values = params.load(workspace.params)
-    values["strain"]["models"] = {"constant": {}, "ridge": {"ridge": 1.0}}
-    return values
 
 
 @pytest.mark.slow

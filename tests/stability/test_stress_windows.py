@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
-from builders.project import ROOT
+from builders.project import ROOT, run_stage
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
@@ -46,8 +46,7 @@ def trained(workspace):
         patch.setattr(params, "load", small_loader(small()))
         patch.setenv("WORKERS", "1")
         for stage in (simulate, ingest, window, dataset, train, evaluate):
-            patch.setattr(sys, "argv", [stage.__name__, "touch"])
-            stage.main(workspace)
+            run_stage(patch, workspace, stage, "touch")
     return workspace
 
 
@@ -68,11 +67,20 @@ def project(trained, monkeypatch):
     return use
 
 
+@pytest.fixture(scope="module")
+def stressed(trained) -> pd.DataFrame:
+    """stress.csv of the trained workspace."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(params, "load", small_loader(small()))
+        patch.setenv("WORKERS", "1")
+        run_stage(patch, trained, stress, "touch")
+    assert not trained.stress_scenes("touch").exists()
+    return pd.read_csv(trained.stress("touch"))
+
+
 @pytest.mark.slow
-def test_clean_scores_are_those_of_evaluate_and_every_severity_has_its_rows(workspace, project):
-    project(small())
-    stress.main(workspace)
-    found, scores = pd.read_csv(workspace.stress("touch")), pd.read_csv(workspace.scores("touch"))
+def test_clean_scores_are_those_of_evaluate_and_every_severity_has_its_rows(workspace, stressed):
+    found, scores = stressed, pd.read_csv(workspace.scores("touch"))
     assert tuple(found.columns) == stress.COLUMNS
     key = ["protocol", "condition", "model", "seed", "metric"]
     clean = found[(found.severity == 0) & found.condition.isin(["single", "double"])]
@@ -97,16 +105,12 @@ def test_clean_scores_are_those_of_evaluate_and_every_severity_has_its_rows(work
     assert (rmse.groupby(["perturbation", "condition", "severity"]).size() == 4).all()  # 2 models, 2 seeds
     linear = rmse[(rmse.model == "linear") & (rmse.condition == "single") & (rmse.perturbation == "noise")]
     assert (np.diff(linear.pivot(index="severity", columns="seed", values="value"), axis=0) > 0).all()
-    assert not workspace.stress_scenes("touch").exists()
 
 
 @pytest.mark.slow
-def test_of_many_recordings_the_first_are_perturbed(workspace, project):
+def test_of_many_recordings_the_first_are_perturbed(workspace, stressed, project):
     """One of two recordings of double touches: half the windows, and severity 0 is the score of that half."""
-    values = small()
-    project(values)
-    stress.main(workspace)
-    whole = pd.read_csv(workspace.stress("touch"))
+    values, whole = small(), stressed
     values["stress"]["touch"]["recordings"] = {"double": 1}
     project(values)
     stress.main(workspace)
@@ -180,7 +184,7 @@ def test_own_logs_have_no_scene_to_perturb():
 
 
 @pytest.mark.slow
-def test_perturbed_counts_stay_what_the_adc_can_print(workspace, trained, project):
+def test_perturbed_counts_stay_what_the_adc_can_print(workspace, project):
     project(small())
     values = small()
     data = read_dataset(workspace.dataset("touch"), 8)

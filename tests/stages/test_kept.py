@@ -5,7 +5,7 @@ import shutil
 
 import pandas as pd
 import pytest
-from builders.project import ROOT
+from builders.project import ROOT, run_stage
 
 from pipeline.base import availability, params
 from pipeline.reporting import studies
@@ -16,7 +16,7 @@ REASON = "recordings not downloaded; run `tactile fetch`"
 
 
 @pytest.fixture
-def clone(workspace, tmp_path, monkeypatch):
+def clone(workspace, monkeypatch):
     """A fresh clone's reports on recordings, and what the stages before write where recordings are absent."""
     committed, reports = ROOT / "reports", workspace.reports
     for name in ("scores.csv", "latency.csv", "stress.csv", "stability", *RECORDED):
@@ -30,13 +30,8 @@ def clone(workspace, tmp_path, monkeypatch):
         workspace.ingest_report(name).write_text(json.dumps({"run": False, "reason": REASON}))
         for path, module in ((workspace.latency, latency), (workspace.stress, stress)):
             path(name).write_text(",".join(module.COLUMNS) + "\n")
-        run(workspace, monkeypatch, evaluate, name)
+        run_stage(monkeypatch, workspace, evaluate, name)
     return committed
-
-
-def run(workspace, monkeypatch, stage, *arguments):
-    monkeypatch.setattr("sys.argv", [stage.__name__, *arguments])
-    stage.main(workspace)
 
 
 def rows(path, name):
@@ -44,10 +39,10 @@ def rows(path, name):
 
 
 def test_committed_results_on_recordings_stay(workspace, clone, undrawn, monkeypatch, capsys):
-    run(workspace, monkeypatch, collect)
+    run_stage(monkeypatch, workspace, collect)
     for name in RECORDED:
-        run(workspace, monkeypatch, render, name)
-    run(workspace, monkeypatch, render_study, "stability")
+        run_stage(monkeypatch, workspace, render, name)
+    run_stage(monkeypatch, workspace, render_study, "stability")
     for name in RECORDED:
         for table in ("scores.csv", "latency.csv", "stress.csv", "stability/failures.csv"):
             kept = rows(workspace.reports / table, name)
@@ -64,16 +59,16 @@ def test_committed_results_on_recordings_stay(workspace, clone, undrawn, monkeyp
 
 def test_without_committed_results_an_experiment_is_not_run(workspace, clone, monkeypatch):
     shutil.rmtree(workspace.reports)
-    run(workspace, monkeypatch, collect)
-    run(workspace, monkeypatch, render, "strain_recorded")
-    run(workspace, monkeypatch, render_study, "stability")
+    run_stage(monkeypatch, workspace, collect)
+    run_stage(monkeypatch, workspace, render, "strain_recorded")
+    run_stage(monkeypatch, workspace, render_study, "stability")
     assert (workspace.reports / "scores.csv").read_text().count("\n") == 1
     for place in ("strain_recorded/accuracy", "strain_recorded/speed", "stability"):
         assert ": not run\n\nRecordings not downloaded" in (workspace.reports / place / "README.md").read_text()
     assert availability.why_not_shown(workspace, "strain_recorded") == REASON
 
 
-def test_the_recorded_side_of_a_comparison_stays(workspace, tmp_path, monkeypatch):
+def test_the_recorded_side_of_a_comparison_stays(workspace, tmp_path):
     table = pd.DataFrame([("noise", "1", "simulated", "r", 2.0, "What it is.", "")], columns=studies.TWINS)
     for experiment in studies.TWIN_TITLES:
         workspace.twins(experiment).parent.mkdir(parents=True)

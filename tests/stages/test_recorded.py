@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from builders import grasps, strain_workspaces
-from builders.project import ROOT, leaves
+from builders.project import ROOT, leaves, run_stage
 from opened.noted import Noted, ignore_bookkeeping
 
 from pipeline.base import params
@@ -65,8 +65,7 @@ def stages(workspace, monkeypatch):
         monkeypatch.setattr(params, "load", lambda _: values)
         windows = [window] if experiment == "velostat_recorded" else []
         for module in [ingest, *windows, dataset, train, evaluate, *more]:
-            monkeypatch.setattr("sys.argv", [module.__name__, experiment])
-            module.main(workspace)
+            run_stage(monkeypatch, workspace, module, experiment)
 
     return run
 

@@ -5,15 +5,16 @@ import functools
 import numpy as np
 import pyarrow as pa
 import pytest
+from builders.noted_series import noting
 from builders.project import ROOT
 from opened.noted import Noted, ignore_bookkeeping
 from torch import nn
 
 from pipeline import models
 from pipeline.base import params, paths
-from pipeline.datasets import images, schemas, series
+from pipeline.datasets import images, schemas
 from pipeline.learning.image_classifier import ImageClassifier
-from pipeline.learning.regressors import FitSummary, TorchRegressor, zero_linear
+from pipeline.learning.regressors import TorchRegressor, zero_linear
 from pipeline.learning.trained import Fitted
 from pipeline.logs import stag
 from pipeline.scoring import metrics
@@ -100,7 +101,7 @@ def stag_data(wrong: str, validation: float) -> stag.Stag:
 
 
 @pytest.fixture
-def values(tmp_path, monkeypatch):
+def values(monkeypatch):
     """params.yaml with one network for each kind of input, its data in a folder of its own."""
     values = params.load(ROOT / "params.yaml")
     values["device"] = "cpu"
@@ -211,27 +212,6 @@ def test_an_ablation_of_windows_is_scored_on_the_test_part(workspace, values, mo
         np.testing.assert_array_equal(truth, labels[PART == "test"])
 
 
-class Noting:
-    """A model of series that notes the records that it is fitted on."""
-
-    summary = FitSummary("closed_form", 1)
-
-    def __init__(self):
-        self.records = []
-
-    def fit(self, records, **settings):
-        self.records += records
-
-    def predict(self, x):
-        return np.zeros((len(x), 1), np.float32)
-
-    def step(self, x):
-        """Makes it a model of series."""
-
-    def save(self, folder):
-        """Nothing to save."""
-
-
 def of_train_series(workspace, values, folder):
     train_stage.train_run(workspace, values, "strain", "ridge", "task_1", 0, folder / "run", nothing)
 
@@ -247,16 +227,10 @@ def of_physics_strain(workspace, values, folder):
 
 @pytest.fixture
 def series_model(monkeypatch):
-    """In place of every model of series, whose recordings are 100 samples."""
-    part = series.chronological(100, 0.8, 0.125)
-    x, y = np.arange(100.0)[:, None], np.arange(100.0)[:, None]
-    record = series.Record(x, y, np.ones(100, bool), part == "train", np.full(100, -1))
-    piece, model = series.Piece("task_1", np.arange(100), part, np.arange(100) / 5, record), Noting()
-    monkeypatch.setattr(models, "build", lambda *arguments: model)
-    monkeypatch.setattr(series, "read", lambda *arguments: [piece])
+    """In place of every model of series."""
     monkeypatch.setattr(metrics, "series", lambda *arguments: [("error", "mm", 1.0, 20)])
     monkeypatch.setattr(Fitted, "save", lambda *arguments: None)
-    return model
+    return noting(monkeypatch)
 
 
 @pytest.mark.parametrize("stage", [of_train_series, of_model_zero, of_physics_strain])
@@ -264,7 +238,8 @@ def test_a_model_of_series_is_fitted_on_what_comes_before_the_test_part(workspac
     stage(workspace, params.load(ROOT / "params.yaml"), tmp_path)
     assert series_model.records
     for seen in series_model.records:
-        assert seen.x[:, 0].tolist() == list(range(80)) and seen.training.tolist() == [True] * 70 + [False] * 10
+        assert np.array_equal(seen.x, series_model.piece.record.x[:80])
+        assert seen.training.tolist() == [True] * 70 + [False] * 10
 
 
 def read_by_training(experiment, values, train, folder) -> set[str]:

@@ -5,11 +5,11 @@ import shutil
 import pandas as pd
 import pytest
 import yaml
-from builders.project import ROOT, in_this_process
+from builders.project import ROOT, in_this_process, miniature_settings
 
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
+from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.scoring import shards, studies
 from pipeline.scoring.shards import Shard
@@ -84,9 +84,7 @@ def test_a_budget_is_a_share_of_the_epochs():
 def strain(tmp_path_factory):
     """A checkout in miniature with one shard computed, and the call that computes it again."""
     workspace = Workspace(tmp_path_factory.mktemp("checkout"))
-    set_values(
-        yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), copied(ROOT / "params.yaml", workspace.root)
-    )
+    miniature_settings(workspace)
     each = SETS["strain"].model_copy(update={"seeds": 1, "set": {}})
 
     def compute():

@@ -45,7 +45,7 @@ def test_the_number_of_processes_changes_no_byte(settings, tmp_path, monkeypatch
     }
 
 
-def test_the_faults_are_listed_in_the_order_of_the_plan(workspace, settings, tmp_path, monkeypatch):
+def test_the_faults_are_listed_in_the_order_of_the_plan(workspace, settings, monkeypatch):
     """Also where the recordings are done in another order."""
     run_tasks = simulate.workers.run
     monkeypatch.setenv("WORKERS", "1")

@@ -78,7 +78,7 @@ def test_of_a_server_no_file_tells(tracks, monkeypatch):
     assert tracks() and tracks()
 
 
-def test_what_python_keeps_of_imported_code_is_no_change(workspace, tracks, monkeypatch, tmp_path):
+def test_what_python_keeps_of_imported_code_is_no_change(tracks, monkeypatch, tmp_path):
     """Another process may be writing it: then it has a name of its own for a moment."""
     monkeypatch.setattr(track.paths, "CODE", tmp_path / "pipeline")
     assert tracks() and not tracks()

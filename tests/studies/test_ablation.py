@@ -50,7 +50,7 @@ def test_a_row_that_cannot_be_trained_is_one_sentence(values, change, words):
         ablation.check(values["touch"], "touch")
 
 
-def test_a_row_sees_its_frames_and_is_scored_on_the_test_part(workspace, values, tmp_path, monkeypatch):
+def test_a_row_sees_its_frames_and_is_scored_on_the_test_part(workspace, values):
     """Labels follow the frame before the last: the last frame alone cannot tell them."""
     rng = np.random.default_rng(0)
     part = np.repeat(["train", "validation", "test", "unused"], [120, 20, 40, 20])

@@ -168,7 +168,7 @@ def write_dataset(workspace, sessions=6, each=4):
 
 
 @pytest.fixture
-def values(tmp_path, monkeypatch):
+def values(monkeypatch):
     values = params.load(ROOT / "params.yaml")
     values["device"] = "cpu"
     values["glove"] |= {"models": BLOCKS, "input_frames": SETTINGS, "protocols": {"session_combined": {"seeds": [0]}}}

@@ -4,51 +4,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from builders.noted_series import noting
 from builders.project import ROOT
 
 from pipeline import models
 from pipeline.base import params
-from pipeline.datasets import series
 from pipeline.experiments import strain
 from pipeline.studies import latent
-
-SAMPLES = 100
-
-
-class Noting:
-    """A regressor that notes what it is given; 3 mm off in the test part, 1000 mm off everywhere else."""
-
-    def __init__(self, piece: series.Piece):
-        self.piece, self.records, self.bases, self.saved = piece, [], [], []
-
-    def fit(self, records, *, base, **settings):
-        self.records += records
-        self.bases.append(base)
-
-    def save(self, folder):
-        self.saved.append(folder)
-
-    def predict(self, x):
-        assert np.array_equal(x, self.piece.record.x)  # the whole recording: the state builds up before the test part
-        return self.piece.record.y + np.where(self.piece.part == "test", 3.0, 1000.0)[:, None]
-
-    def parameters(self):
-        return 7
 
 
 @pytest.fixture
 def regressor(monkeypatch):
-    """What `train_with` builds in place of a network; its recording has parts of 70, 10 and 20 samples."""
-    x, y = np.arange(SAMPLES * 6.0).reshape(SAMPLES, 6), -np.arange(SAMPLES * 1.0)[:, None]
-    part = series.chronological(SAMPLES, 0.8, 0.125)
-    record = series.Record(x, y, np.ones(SAMPLES, bool), part == "train", np.full(SAMPLES, -1))
-    noting = Noting(series.Piece("task_1", np.arange(SAMPLES), part, np.arange(SAMPLES) / 5, record))
-    task = SimpleNamespace(outputs=(2,), channels={"task_1": list(range(6))}, base="task_0", pressed_only=False)
-    noting.task = task
-    monkeypatch.setattr(strain, "task", lambda *arguments: task)
-    monkeypatch.setattr(models, "build", lambda *arguments: noting)
-    monkeypatch.setattr(series, "read", lambda *arguments: [noting.piece])
-    return noting
+    """What `train_with` builds in place of a network."""
+    model = noting(monkeypatch)
+    model.task = SimpleNamespace(outputs=(2,), channels={"task_1": list(range(6))}, base="task_0", pressed_only=False)
+    monkeypatch.setattr(strain, "task", lambda *arguments: model.task)
+    return model
 
 
 def trained(workspace, samples):

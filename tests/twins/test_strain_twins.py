@@ -97,7 +97,7 @@ def test_the_simulated_twin_has_every_statistic_of_every_finger(workspace, short
     assert quiet < 0.7 * table.query("statistic == 'noise'")["value"].median()
 
 
-def test_recorded_stretches(workspace, short, tmp_path, monkeypatch):
+def test_recorded_stretches(workspace, short):
     rng, tables = np.random.default_rng(0), []
     for day, minutes in (("day_1", 45), ("day_2", 31)):
         presses = round(minutes * 60 / (14 * SAMPLE_S))
@@ -125,9 +125,7 @@ def test_recorded_stretches(workspace, short, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_three_quarters_of_the_scenes_statistics_lie_in_the_range_of_the_recordings(
-    workspace, recordings, tmp_path, monkeypatch
-):
+def test_three_quarters_of_the_scenes_statistics_lie_in_the_range_of_the_recordings(workspace, recordings):
     values, folder = params.load(ROOT / "params.yaml"), recordings("strain_recorded")
     values["strain"]["simulate"]["specimens"] = 5  # three, as in the look, have three more statistics outside
     days = strain_recorded.recordings(folder)

@@ -3,9 +3,7 @@
 import json
 import re
 import shutil
-import struct
 import sys
-import zlib
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -13,8 +11,8 @@ from urllib.parse import unquote, urlsplit
 import axe_core_python
 import pandas as pd
 import pytest
-from builders import browser
 from builders.project import ROOT
+from PIL import Image
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
@@ -43,14 +41,7 @@ def built(workspace) -> dict[str, str]:
 
 def png(path: Path, width: int = 40, height: int = 30) -> None:
     """A grey picture."""
-
-    def chunk(kind: bytes, body: bytes) -> bytes:
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-    body = zlib.compress((b"\0" + b"\x80" * width) * height)
-    head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    start = b"\x89PNG\r\n\x1a\n"
-    path.write_bytes(start + chunk(b"IHDR", head) + chunk(b"IDAT", body) + chunk(b"IEND", b""))
+    Image.new("L", (width, height), 128).save(path)
 
 
 def speed_rows() -> pd.DataFrame:
@@ -248,15 +239,6 @@ def test_the_data_of_an_experiment_are_named():
     values = params.load(ROOT / "params.yaml")
     assert "simulated by pipeline/scenes/touch.py" in sections.data_of("touch", values["touch"])
     assert "licence" in sections.data_of("velostat_recorded", values["velostat_recorded"])
-
-
-@pytest.fixture(scope="module")
-def tab(tmp_path_factory):
-    if browser.executable() is None:
-        pytest.skip("no Chromium here (Debian: apt-get install chromium; or CHROMIUM=/path/to/it)")
-    found = browser.Browser(tmp_path_factory.mktemp("profile"))
-    yield found
-    found.close()
 
 
 def located(kind: str, workspace, reports: Path) -> str:

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from builders.made_reports import studied
 from builders.project import ROOT
 from scipy.stats import ttest_1samp
 
@@ -14,7 +15,7 @@ from pipeline.base.paths import Workspace
 from pipeline.reporting import tables
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, FAILED, MARGIN, NONE, UNKNOWN, assess
-from pipeline.scoring import shards, studies
+from pipeline.scoring import studies
 from pipeline.scoring.variants import COLUMNS, effects
 from pipeline.stages import twins as twins_stage
 from pipeline.studies import physics as physics_study
@@ -175,10 +176,7 @@ def test_one_seed_has_no_interval_and_tells_nothing():
 
 def test_a_missing_run_is_named(workspace):
     def read(scores):
-        for seed, own in scores.groupby("seed"):
-            target = shards.study_file(workspace, "touch", "physics", seed)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            own.to_csv(target, index=False)
+        studied(workspace, "touch", "physics", scores)
         return physics_verdicts.read(workspace, "touch", [NONE, "creep"], ERRORS["single"])
 
     scores = touch_scores()
