@@ -23,7 +23,7 @@ import pyarrow as pa
 from tqdm import tqdm
 
 from pipeline import experiments, scenes, tasks
-from pipeline.base import files, workers
+from pipeline.base import files, params, workers
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
@@ -65,8 +65,9 @@ def prepare(workspace: Workspace, values: Mapping, experiment: str) -> None:
 
 def scene_cases(values: Mapping, experiment: str) -> list[Case]:
     """Return every scene to simulate, none without a simulator; InputError for an unknown perturbation."""
+    asked = values["stress"][experiment]["perturbations"]
     known = touch_stress.VARIATIONS | touch_stress.LAYOUTS if "simulate" in values[experiment] else {}
-    asked = perturbations.planned(values, experiment, READINGS, known)
+    params.check_known(asked, (*READINGS, *known), f"stress.{experiment}.perturbations")
     if values[experiment].get("source") != "simulated":
         return []
     protocols, arrays = values["stress"][experiment]["protocols"], values[experiment]["simulate"]["specimens"]
