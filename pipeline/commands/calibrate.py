@@ -8,11 +8,9 @@ into params/<experiment>.yaml.
 """
 
 import argparse
-import tempfile
 from collections.abc import Mapping
 from functools import reduce
 from operator import getitem
-from pathlib import Path
 
 from tqdm import tqdm
 
@@ -77,15 +75,10 @@ def ratio(values: Mapping, experiment: str, yardstick: str, value: float, seed: 
         settings, part = held_out(settings), "test"
     asked = changed_scene.Asked([chosen["protocol"]], settings["models"], block, names, part)
     errors = {}
-    with tempfile.TemporaryDirectory() as name:
-        workspace = Workspace(Path(name))
-        changed_scene.write_dataset(workspace, experiment, settings, asked.protocols, seed)
-        for condition, model, scores in changed_scene.scores(
-            workspace, experiment, settings, asked, seed, values["device"]
-        ):
-            if condition == chosen["condition"]:
-                score = next(number for metric, _, number, _ in scores if metric == chosen["metric"])
-                errors[model] = 1 - score if chosen["metric"] in classification.METRICS else score
+    for condition, model, scores in changed_scene.scores_anew(experiment, settings, asked, seed, values["device"]):
+        if condition == chosen["condition"]:
+            score = next(number for metric, _, number, _ in scores if metric == chosen["metric"])
+            errors[model] = 1 - score if chosen["metric"] in classification.METRICS else score
     report()
     return errors[names[0]], errors[names[1]]
 

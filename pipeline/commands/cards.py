@@ -114,10 +114,6 @@ def elsewhere(workspace: Workspace, card: cards.Card) -> list[list[str]]:
     return rows
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Take no argument."""
-
-
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Write the cards of all pretrained models."""
     pretrained = paths.require(workspace.root / "pretrained", "git checkout pretrained")

@@ -169,18 +169,18 @@ def unread(experiment: str, path: Path, fmt: parse.Format, settings: Mapping, lo
     except InputError as error:
         return str(error)
     if log is None:
-        return diagnosis.unreadable(path, printed) or wrong_columns(experiment, path, printed, settings)
+        return diagnosis.unreadable(path, printed) or wrong_columns(path, printed, settings)
     beyond = log.rejects.filter(pc.equal(log.rejects["reason"], parse.OUT_OF_RANGE))
     lacking = log.rejects.filter(pc.equal(log.rejects["reason"], parse.NOT_A_NUMBER)).slice(0, 1).to_pylist()
     return (
-        wrong_columns(experiment, path, printed, settings)
+        wrong_columns(path, printed, settings)
         or diagnosis.without_values(path, lacking, printed)
         or diagnosis.out_of_range(path, beyond.slice(0, parse.TEXTS).to_pylist(), printed)
         or diagnosis.unreadable(path, printed)
     )
 
 
-def wrong_columns(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) -> str | None:
+def wrong_columns(path: Path, fmt: parse.Format, settings: Mapping) -> str | None:
     """Name the key to change where most lines of a log have another number of columns than the settings say."""
     values = sniff.numbers_a_line(path) - 1
     expected = len(fmt.columns) - 1

@@ -1,13 +1,12 @@
 """Predict with trained models, read your own sensor, and compute the evidence on three papers of soft tactile sensing.
 
-Each command of `tactile` is a module of this room: its `add_arguments(parser)` says what the command takes, and its
-`main(workspace, given)` runs it with the arguments given. Only the module of the command that is called is imported;
-`tactile --help` reads the first line of the others. `--help` behind a command says more.
+Each command of `tactile` is a module of this room: its `add_arguments(parser)`, if there is one, says what the command
+takes, and its `main(workspace, given)` runs it with the arguments given. Only the module of the command that is called
+is imported; `tactile --help` reads the first line of the others. `--help` behind a command says more.
 """
 
 import argparse
 import ast
-import difflib
 import importlib
 import os
 import sys
@@ -76,7 +75,8 @@ def parser_of(called: Collection[str]) -> argparse.ArgumentParser:
             command.description = _words(module)
             command.formatter_class = argparse.RawDescriptionHelpFormatter
             arguments.add_root(command)
-            imported.add_arguments(command)
+            if hasattr(imported, "add_arguments"):
+                imported.add_arguments(command)
             command.set_defaults(main=imported.main)
     return parser
 
@@ -118,9 +118,9 @@ def main() -> None:
         print(version())
         return
     if not name.startswith("-") and name not in COMMANDS:
-        near = difflib.get_close_matches(name, COMMANDS, n=1)
-        said = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(COMMANDS)}"
-        print(f"error: there is no command '{name}'; {said}", file=sys.stderr)
+        from pipeline.base.params import hint  # here: it takes longer than all else of the help
+
+        print(f"error: there is no command '{name}'; {hint(name, COMMANDS)}", file=sys.stderr)
         sys.exit(2)
     if arguments.QUIET & set(sys.argv[2:]):
         os.environ["TQDM_DISABLE"] = "1"  # read when tqdm is imported

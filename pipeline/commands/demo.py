@@ -22,7 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the place of the results, and whether to replay, to the parser of this command."""
     parser.add_argument("--out", type=Path, default=Path("predictions", "demo"), help="a folder (default %(default)s)")
     parser.add_argument("--live", action="store_true", help="replay the recording on the live page instead")
-    parser.add_argument("--http-port", default="8765", metavar="N", help="of the page (default %(default)s; 0: any)")
+    parser.add_argument(
+        "--http-port", default=str(live.PORT), metavar="N", help="of the page (default %(default)s; 0: any)"
+    )
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:

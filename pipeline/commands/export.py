@@ -51,8 +51,8 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
 
 def _write_onnx(package: Path) -> None:
     """Write the network of a package as ONNX into it, and say how large the file is and how well it agrees."""
-    from pipeline.inference import onnx_export, predictor
+    from pipeline.inference import onnx_export, onnx_network, predictor
 
-    written = onnx_export.export(predictor.load(package), package)
-    size = f"{written.path.name}: {written.path.stat().st_size / 1e6:.2f} MB"
-    print(f"{size}, differs from the model by up to {written.difference:.1g} of full scale")
+    difference = onnx_export.export(predictor.load(package), package)
+    size = f"{onnx_network.NAME}: {(package / onnx_network.NAME).stat().st_size / 1e6:.2f} MB"
+    print(f"{size}, differs from the model by up to {difference:.1g} of full scale")

@@ -151,4 +151,4 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         return
     written, kept = fetch(workspace, given.name, given.from_folder)
     print(f"{given.name}: {written} files written, {kept} already there, all SHA-256 right")
-    print(f"licence: {sources.source(given.name).licence}")
+    print(f"licence: {sources.SOURCES[given.name].licence}")

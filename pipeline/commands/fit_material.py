@@ -98,18 +98,11 @@ class Fit(NamedTuple):
     exponent: np.ndarray
 
 
-def _recorded(path: Path) -> Path:
-    """Return the path of a log; InputError with the command that downloads it where it is not there."""
-    if not path.is_file():
-        raise InputError(f"{path}: not found; run `tactile fetch {SOURCE}` first")
-    return path
-
-
 def load_recording(folder: Path, name: str, repetition: int, lag_s: float) -> Recording:
     """Read one recording onto the grid; `lag_s`: how much later the reading's clock is than the load cell's."""
     file = Path(name) / f"exp_{name}_sensor1_exp{repetition}.txt"
-    cell, _ = parse.read_log(_recorded(folder / "futek_data" / file), velostat_recorded.LOAD_CELL)
-    taxel, _ = parse.read_log(_recorded(folder / "velostat_data" / file), velostat_recorded.VELOSTAT)
+    cell, _ = parse.read_log(folder / "futek_data" / file, velostat_recorded.LOAD_CELL)
+    taxel, _ = parse.read_log(folder / "velostat_data" / file, velostat_recorded.VELOSTAT)
     force, force_s = cell["fz_n"].to_numpy(), cell["unix_time_s"].to_numpy()
     reading, reading_s = taxel["reading"].to_numpy(), taxel["unix_time_s"].to_numpy() - lag_s
     grid = np.arange(max(force_s[0], reading_s[0]), min(force_s[-1], reading_s[-1]), DT_S)
@@ -294,10 +287,6 @@ def above_after_release(recordings: list[Recording], reading: float, within_s: f
     return float(after / total)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add nothing to the parser of this command."""
-
-
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Fit, score, and write `velostat.json` and `reports/material/`."""
     if not sources.is_complete(workspace, SOURCE):
@@ -352,7 +341,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         say(f"{name}: {compared[name]}")
 
     result = {
-        "source": {"name": SOURCE, "commit": sources.source(SOURCE).commit},
+        "source": {"name": SOURCE, "commit": sources.SOURCES[SOURCE].commit},
         "parameters": best.values,
         "places": {
             "gain_std": float(best.log_gain.std()),

@@ -81,7 +81,7 @@ def simulated(values: Mapping, specimens: int, setting: str = "", value: float =
         changes["simulate"] |= changes_of(setting, value)
     where = f"{setting} = {value:g}" if setting else f"{specimens} specimens"
     settings = changed_scene.settings_of(values, "strain", changes, where)
-    return medians(twins.of_scene({**values, "strain": settings}))
+    return medians(twins.simulated(None, {**values, "strain": settings}))
 
 
 def tried(values: Mapping, recorded: pd.DataFrame, factors: Sequence[float], specimens: int) -> list[Tried]:

@@ -18,6 +18,8 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import record
 
+PORT = 8765  # of the page
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the model, the source of lines and the places for predictions to the parser of this command."""
@@ -31,11 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--loop", action="store_true", help="replay again and again")
     parser.add_argument("--page", action="store_true", help="show the page (without --csv and --udp: always)")
     parser.add_argument(
-        "--http-port",
-        type=int,
-        default=8765,
-        metavar="N",
-        help="of the page (default %(default)s; 0: any)",
+        "--http-port", type=int, default=PORT, metavar="N", help="of the page (default %(default)s; 0: any)"
     )
     parser.add_argument("--csv", action="store_true", help="a line per prediction on standard output")
     parser.add_argument("--udp", metavar="HOST:PORT", help="a datagram of JSON per prediction, to this machine only")

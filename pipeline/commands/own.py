@@ -40,17 +40,21 @@ STAGES = {
 TRAINED = "trained"  # folder of the models, in the workspace of a sensor
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the experiment and the folder of logs to the parser of this command."""
-    check.add_arguments(parser)
+add_arguments = check.add_arguments
 
 
-def main(checkout: Workspace, given: argparse.Namespace) -> None:
-    """Train all models of the settings on the logs named on the command line."""
+def main(
+    checkout: Workspace,
+    given: argparse.Namespace,
+    effort: Effort = targets.FULL,
+    seeds: Sequence[int] = own_settings.SEEDS,
+    models: Mapping[str, Sequence[str]] | None = None,
+) -> None:
+    """Train on the logs named on the command line, or test their target; seeds, models: as of `prepared`."""
     experiment = check.experiment_of(given.folder, given.experiment)
     if asked := own_settings.asked(given.folder):
-        return of_target(checkout, experiment, given.folder, asked, targets.FULL)
-    with prepared(checkout, given.folder, own_settings.SEEDS) as sensor:
+        return of_target(checkout, experiment, given.folder, asked, effort)
+    with prepared(checkout, given.folder, seeds, models) as sensor:
         run(checkout, sensor, params.load(sensor.workspace.params))
 
 

@@ -14,8 +14,9 @@ it, NAME that of the folder or log; there, predictions of another model or of ot
 
 import argparse
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 from tqdm import tqdm
 
@@ -24,6 +25,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.targets import kept, read
 
+T = TypeVar("T")
 MOST_LINES = 10  # recordings that are printed
 MOST_PICTURES = 20  # recordings that are drawn: each takes a second
 
@@ -53,26 +55,14 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         model = predictor.load(folder)
     card = model.card
     print(f"{card.experiment}/{card.model}: {comes_from}")
-    place = recordings.absolute(given.logs)
-    logs = recordings.logs(place, card.experiment)
-    names = recordings.names(place, logs, card.experiment)
-    target = _place(given.out, place, card.experiment, predictions.model_of(card))
+    place, logs, target = _asked(given, card.experiment, predictions.model_of(card))
     predicted, scores, notes, unread = [], [], [], []
-    for path, name in zip(tqdm(logs, desc="predict", unit="log"), names, strict=True):
-        try:
-            recording = recordings.read(path, name, card)
-        except InputError as error:
-            if len(logs) == 1:
-                raise
-            unread.append(str(error))
-            continue
+    for recording in _each(logs, lambda path, name: recordings.read(path, name, card), unread):
         of_recording = recordings.predict(model, recording)
         predicted.append((recording, of_recording))
         notes += [f"{recording.name}: {sentence}" for sentence in of_recording.notes]
         known = recordings.has_truth(recording, card)
-        scores.append(recordings.scores(model, path) if known else ())
-    if not predicted:
-        raise InputError(f"none of {len(logs)} logs can be read; the first: {unread[0]}")
+        scores.append(recordings.scores(model, recording.path) if known else ())
     print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
     with files.replacing_folder(target) as draft:
         summaries = predictions.write(draft, place, predicted, card, scores)
@@ -87,85 +77,86 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     if len(predicted) > MOST_PICTURES and not given.no_pictures:
         print(f"the first {MOST_PICTURES} recordings are drawn")
     print(f"written to {target}")
-    arguments.answer(given, predictions.read_summary(target) | {"written_to": str(target), "not_read": unread})
-    _say_unread(unread, len(logs))
+    _end(given, target, logs, unread)
 
 
 def of_target(given: argparse.Namespace) -> None:
     """Predict a target of one's own, which is a number or a class for every reading."""
     from pipeline.datasets import schemas
-    from pipeline.inference import predictions, recordings
+    from pipeline.inference import predictions
 
     model = kept.load(Path(given.model))
     card = model.card
     print(f"{card.sensor}: {card.target.name} by {card.model}, of {len(card.groups)} groups ({card.by})")
-    place = recordings.absolute(given.logs)
-    logs = recordings.logs(place, card.experiment)
-    names = recordings.names(place, logs, card.experiment)
     who = {
         "experiment": card.experiment, "model": f"{card.sensor}: {card.target.name}", "protocol": card.by, "seed": 0,
     }  # fmt: skip
-    target = _place(given.out, place, card.experiment, who)
+    place, logs, target = _asked(given, card.experiment, who)
     unread, summaries = [], []
+
+    def table(path: Path, name: str):
+        """Return the predictions of a log as rows, and note what they came to."""
+        log = read.sensor_log(path, card.experiment, card.settings)
+        predicted = kept.predict(model, log)
+        summaries.append(kept.summary(name, path, log, predicted, card))
+        return kept.table(name, log, predicted, card)
+
     with files.replacing_folder(target) as draft:
-        with schemas.writing(draft / "predictions.parquet", kept.schema(card)) as write:
-            for path, name in zip(tqdm(logs, desc="predict", unit="log"), names, strict=True):
-                try:
-                    log = read.sensor_log(path, card.experiment, card.settings)
-                    predicted = kept.predict(model, log)
-                    summaries.append(kept.summary(name, path, log, predicted, card))
-                except InputError as error:
-                    if len(logs) == 1:
-                        raise
-                    unread.append(str(error))
-                    continue
-                write(kept.table(name, log, predicted, card))
-        if not summaries:
-            raise InputError(f"none of {len(logs)} logs can be read; the first: {unread[0]}")
+        schemas.write(draft / "predictions.parquet", kept.schema(card), _each(logs, table, unread))
         predictions.write_summary(draft, who, place, [kept.interval(card)], summaries)
     for said in summaries[:MOST_LINES]:
-        print(of_one_recording(said, card.target.unit), *outside(said), sep="\n")
+        print(sentence(said, card.target.unit), *outside(said), sep="\n")
     print(kept.interval(card), f"written to {target}", sep="\n")
+    _end(given, target, logs, unread)
+
+
+def _each(logs: Mapping[str, Path], opened: Callable[[Path, str], T], unread: list[str]) -> Iterator[T]:
+    """Yield `opened(log, name)` of every log. Where one of several cannot be read, `unread` gets the reason instead.
+
+    Raises InputError where none can be read.
+    """
+    for name, path in tqdm(logs.items(), desc="predict", unit="log"):
+        try:
+            found = opened(path, name)
+        except InputError as error:
+            if len(logs) == 1:
+                raise
+            unread.append(str(error))
+            continue
+        yield found
+    if len(unread) == len(logs):
+        raise InputError(f"none of {len(logs)} logs can be read; the first: {unread[0]}")
+
+
+def _end(given: argparse.Namespace, target: Path, logs: Mapping, unread: list[str]) -> None:
+    """Give the answer that --json asks for; InputError where some logs could not be read, which are listed."""
+    from pipeline.inference import predictions
+
     arguments.answer(given, predictions.read_summary(target) | {"written_to": str(target), "not_read": unread})
-    _say_unread(unread, len(logs))
-
-
-def of_one_recording(said: Mapping, unit: str) -> str:
-    """Say in a line what the predictions of a target came to; said: as of `kept.summary`."""
-    span = said["predicted"]
-    if "least" in span:
-        what = f"{span['least']:.4g} to {span['most']:.4g} {unit}"
-    else:
-        name, count = next(iter(span.items()))
-        what = f"{name} in {100 * count / said['readings']:.0f} % of them"
-    scores = [f"{name} {value:.3g}" for name, value in list(said.get("scores", {}).items())[:2]]
-    return f"{said['recording']}: " + ", ".join(
-        [f"{said['readings']} readings in {said['seconds']:g} s", what, *scores]
-    )
-
-
-def _say_unread(unread: list[str], logs: int) -> None:
-    """Raise InputError where some logs could not be read, and list them."""
     if unread:
         print("not read:", *unread, sep="\n  ")
-        raise InputError(f"{len(unread)} of {logs} logs cannot be read; the others are predicted")
+        raise InputError(f"{len(unread)} of {len(logs)} logs cannot be read; the others are predicted")
 
 
-def _place(out: Path | None, logs: Path, experiment: str, model: Mapping) -> Path:
-    """Return where predictions go: out, else predictions/NAME; model: as `predictions.model_of`.
+def _asked(given: argparse.Namespace, experiment: str, model: Mapping) -> tuple[Path, dict[str, Path], Path]:
+    """Return the place of the logs, the logs by name, and where predictions go: --out, else predictions/NAME.
 
-    Raises InputError where it holds something else, or predictions/NAME those of another model or of other logs.
+    model: as `predictions.model_of`. Raises InputError where there is no log, or where --out holds something else, or
+    predictions/NAME those of another model or of other logs.
     """
     from pipeline.inference import predictions, recordings
 
-    folder = logs if logs.is_dir() else recordings.without_log(logs, experiment)
-    target = out or Path("predictions", *predictions.file_names([folder.name]))
+    place = recordings.absolute(given.logs)
+    logs = recordings.logs(place, experiment)
+    names = recordings.names(place, logs, experiment)
+    folder = place if place.is_dir() else recordings.without_log(place, experiment)
+    target = given.out or Path("predictions", *predictions.file_names([folder.name]))
     held = predictions.held(target)
-    if out is None and held not in (None, predictions.origin(model, logs)):
+    if given.out is None and held not in (None, predictions.origin(model, place)):
         raise InputError(f"{target}: holds predictions of {held}; give another place by --out, or remove these")
     if target.exists() and held is None:
         raise InputError(f"{target}: holds something else than predictions; give another place by --out")
-    return target
+    return place, dict(zip(names, logs, strict=True)), target
 
 
 def _draw(folder: Path, predicted: list, names: list[str], card) -> None:
@@ -187,17 +178,20 @@ def outside(said: Mapping) -> list[str]:
     return [f"{said['recording']}: {said['outside_training']}"] if "outside_training" in said else []
 
 
-def sentence(said: Mapping) -> str:
-    """Say in a line what the predictions of one recording came to."""
+def sentence(said: Mapping, unit: str = "") -> str:
+    """Say in a line what the predictions of one recording came to; unit: of a target of one's own, see kept.summary."""
     parts = [f"{said['readings']} readings in {said['seconds']:g} s"]
-    if rejected := sum(said["rejected_lines"].values()):
+    of_target = said.get("predicted", {})
+    if (rejected := sum(said["rejected_lines"].values())) and not of_target:
         parts.append(f"{rejected} lines rejected")
     if "highest_pressure_kpa" in said:
         parts.append(f"up to {said['highest_pressure_kpa']:.0f} kPa and {said['highest_force_n']:.1f} N")
     elif "highest_force_n" in said:
         parts.append(f"up to {said['highest_force_n']:.1f} N")
-    if "objects" in said:
-        name, count = next(iter(said["objects"].items()))
+    if "least" in of_target:
+        parts.append(f"{of_target['least']:.4g} to {of_target['most']:.4g} {unit}")
+    elif counts := said.get("objects", of_target):
+        name, count = next(iter(counts.items()))
         parts.append(f"{name} in {100 * count / said['readings']:.0f} % of them")
     parts += [
         f"{name.removesuffix('_mm')} {span['least']:.2f} to {span['most']:.2f} mm"

@@ -61,12 +61,16 @@ def sensors(workspace: Workspace, values: Mapping, source: str) -> Iterator[Sens
         settings = own_settings.of_logs(workspace, experiment, folder)[experiment]
         yield from sources.sensors(experiment, folder.name or str(folder.resolve().name), folder, settings)
         return
-    settings = dict(values[source])
-    settings["ingest"] = {**settings["ingest"], **EVERY.get(source, {})}
     if source in public.SOURCES:
-        if not public.is_complete(workspace, source):
-            raise InputError(f"{public.folder(workspace, source)}: no recordings; run `tactile fetch {source}`")
-        yield from sources.sensors(source, source, public.folder(workspace, source), settings)
+        yield from sources.sensors(source, source, *recorded(workspace, values, source))
         return
     folder = paths.require(workspace.logs(source), f"python -m pipeline.stages.simulate {source}")
-    yield from sources.sensors(source, source, folder, settings, simulated=True)
+    yield from sources.sensors(source, source, folder, values[source], simulated=True)
+
+
+def recorded(workspace: Workspace, values: Mapping, source: str) -> tuple[Path, dict]:
+    """Return the folder of a public recording, and its settings with every sample; InputError where it is not here."""
+    if not public.is_complete(workspace, source):
+        raise InputError(f"{public.folder(workspace, source)}: no recordings; run `tactile fetch {source}`")
+    settings = values[source]
+    return public.folder(workspace, source), settings | {"ingest": settings["ingest"] | EVERY.get(source, {})}

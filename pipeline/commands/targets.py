@@ -14,7 +14,6 @@ from pipeline.base import files, params, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import sheet
-from pipeline.logs import sources as public
 from pipeline.own import settings as own_settings
 from pipeline.reporting import own_target
 from pipeline.reporting.own_target import Section
@@ -47,11 +46,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Test the targets of the recorded sensors."""
     values, sections = params.load(workspace.params), []
     for name, (experiment, _) in read.RECORDED.items():
-        settings = dict(values[experiment])
-        settings["ingest"] = {**settings["ingest"], **sheet.EVERY.get(experiment, {})}
-        if not public.is_complete(workspace, experiment):
-            raise InputError(f"{public.folder(workspace, experiment)}: no recordings; run `tactile fetch {experiment}`")
-        folder = public.folder(workspace, experiment)
+        folder, settings = sheet.recorded(workspace, values, experiment)
         sheets = [quantities.sheet(one) for one in sources.sensors(experiment, experiment, folder, settings)]
         sections.append(section(experiment, read.recorded(name, folder, settings), sheets, FULL))
     own_target.write(

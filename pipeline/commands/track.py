@@ -11,10 +11,6 @@ from pipeline.base import params
 from pipeline.base.paths import Workspace
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Take no argument."""
-
-
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Track every experiment of the settings."""
     from pipeline.inference import mlflow_runs

@@ -11,12 +11,7 @@ from pipeline.inference import touches
 from pipeline.inference.card import Bound, Card
 from pipeline.scoring import conformal
 
-PEAK, FORCE, OBJECT, SET = (
-    "peak_kpa",
-    "force_n",
-    "object",
-    "objects",
-)  # outputs of maps and of images; of series, outputs.names
+PEAK, FORCE, OBJECT, SET = "peak_kpa", "force_n", "object", "objects"  # of maps and images; of series, outputs.names
 TOUCH, REST, ALWAYS = "touch", "no touch", "always"
 OUTSIDE = "outside_training"
 

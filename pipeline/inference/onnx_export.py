@@ -56,15 +56,8 @@ class Graph(NamedTuple):
         return [self.outputs, *(state._replace(name=f"next_{state.name}", start=None) for state in self.states)]
 
 
-class Written(NamedTuple):
-    """A file that was written and checked."""
-
-    path: Path
-    difference: float  # largest one, share of full scale, from torch
-
-
-def export(model: Predictor, folder: Path) -> Written:
-    """Write a saved network as NAME into a folder that exists, and run it on random readings.
+def export(model: Predictor, folder: Path) -> float:
+    """Write a saved network as NAME into a folder that exists, and return how far it is from torch, of full scale.
 
     Raises InputError for a model that ONNX cannot hold, and where predictions differ from its own by more than
     MOST_DIFFERENCE.
@@ -78,7 +71,7 @@ def export(model: Predictor, folder: Path) -> Written:
             f"{_name(model)}: as ONNX it differs from itself by {differs:.1g} of full scale, more than "
             f"{MOST_DIFFERENCE:g}; export it without --onnx"
         )
-    return Written(path, differs)
+    return differs
 
 
 def faster(model: Predictor, folder: Path) -> Predictor:
@@ -86,18 +79,14 @@ def faster(model: Predictor, folder: Path) -> Predictor:
 
     The file is written into `folder`, which exists, and is not needed afterwards. Raises InputError as `export`.
     """
-    if model.onnx is not None or not onnx_is_faster(model.model) or not can_be_written(model):
+    if model.onnx is not None or not onnx_is_faster(model.model):
         return model
-    return Predictor(model.model, model.card, OnnxNetwork(export(model, folder).path))
-
-
-def can_be_written(model: Predictor) -> bool:
-    """Tell whether a model can be written as ONNX."""
     try:
         graph_of(model)
     except InputError:
-        return False
-    return True
+        return model
+    export(model, folder)
+    return Predictor(model.model, model.card, OnnxNetwork(folder / NAME))
 
 
 def _name(model: Predictor) -> str:

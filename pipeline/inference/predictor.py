@@ -38,13 +38,9 @@ class Predictor:
     def __init__(self, model, card: cards.Card, onnx: OnnxNetwork | None = None):
         """onnx: the model's network in ONNX Runtime, which then takes its place; a whole series is faster in torch."""
         self.model, self.card, self.onnx = model, card, onnx
+        self.output_shape = card.output_shape  # of one prediction
         self._network = onnx or model
         self.reset()
-
-    @property
-    def output_shape(self) -> tuple[int, ...]:
-        """Shape of one prediction, as `card.output_shape`."""
-        return self.card.output_shape
 
     def reset(self, frame_step: int | None = None) -> None:
         """Forget what `step` has seen, and let `frame_step` readings lie between two frames (None: as the card says).

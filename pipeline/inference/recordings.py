@@ -21,6 +21,7 @@ from pipeline.inference.predictor import Predictor
 from pipeline.logs import layout, packets, parse
 from pipeline.logs.formats import LOGS, second
 from pipeline.scoring import classification, metrics
+from pipeline.targets.read import FORMATS
 
 TRUTH = {"touch": ("load_cell.log", "cnc.log"), "strain": ("robot.log",)}  # logs beside the sensor's
 OF_ONE_ELEMENT = ("load_cell.log",)  # which cannot tell a place
@@ -93,7 +94,7 @@ def read(path: Path, name: str, card: Card) -> Recording:
     if experiment not in LOGS or experiment == "glove":
         frames, rejects, _ = module.read_recording(path.parent if experiment in LOGS else path, settings)
         return _of_frames(path, name, frames, rejects, card)
-    fmt = module.array_format(settings) if experiment == "touch" else module.formats(settings)[LOGS[experiment]]
+    fmt = FORMATS[experiment](settings)
     ingest, laid_out = settings["ingest"], layout.of(settings["ingest"], LOGS[experiment])
     rows, rejects = parse.read_log(path, fmt, limit=ingest["max_reject_fraction"], key=limit, layout=laid_out)
     time = rows[fmt.time].to_numpy() / second(fmt)

@@ -34,7 +34,6 @@ from pipeline.live import outputs
 from pipeline.live.session import Prediction, Session
 
 HOST = "127.0.0.1"  # nothing outside this machine can ask
-PORT = 8765
 AHEAD = 100  # predictions: half a second of 200 lines a second
 KEPT = 300  # drawn pictures that times are taken from: half a minute
 STATUS_S = 0.2  # how often counts and times are worked out anew
@@ -46,7 +45,7 @@ HEADERS = {"Cache-Control": "no-store", "Content-Security-Policy": "default-src 
 class Page:
     """The page of one session, served until `close`. `address`: where."""
 
-    def __init__(self, session: Session, port: int = PORT):
+    def __init__(self, session: Session, port: int):
         """Start the server; port 0: any that is free. Raises InputError where the port is taken."""
         self.session, self.newest, self.closed = session, None, False
         self.to_picture_ms: deque[float] = deque(maxlen=KEPT)

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.inference.card import Card
 from pipeline.logs import layout, parse
 from pipeline.logs.formats import LOGS, Format
+from pipeline.targets.read import FORMATS
 
 LONGEST_LINE = 1 << 16  # bytes without a line end that are thrown away: a wrong baud rate
 RESET_LINES = 3  # in order, but before the lines so far: the device was reset, as in parse.order after a banner
@@ -31,17 +31,12 @@ class Reading(NamedTuple):
 
 def line_format(card: Card) -> Format:
     """Return the format of the lines that a model's sensor prints; InputError for data that no device prints."""
-    if card.experiment.endswith("_recorded") and card.experiment != "velostat_recorded":
+    if card.experiment not in FORMATS:
         raise InputError(
             f"{card.experiment}/{card.model}: is of recordings that are no log of lines; take a model of touch, strain "
             "or glove"
         )
-    module = experiments.module(card.experiment)
-    if card.experiment == "touch":
-        return module.array_format(card.reading)
-    if card.experiment == "strain":
-        return module.formats(card.reading)["daq.log"]
-    return module.scanner_format(card.reading) if card.experiment == "glove" else module.VELOSTAT
+    return FORMATS[card.experiment](card.reading)
 
 
 def line_layout(card: Card) -> Mapping | None:

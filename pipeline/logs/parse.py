@@ -5,6 +5,7 @@ parse is examined line by line, at first in numpy, at last in Python. One fault 
 carry no checksum: a torn line that still has the right number of columns, all in range.
 """
 
+import functools
 import os
 import re
 import unicodedata
@@ -663,17 +664,13 @@ def _parse_piece(piece: bytes, fmt: Format) -> _Piece:
 
 def _codes(piece: bytes, starts: np.ndarray, ends: np.ndarray, fmt: Format) -> np.ndarray:
     """Return the places in REASONS, (n,) int8, of lines that are no rows; starts, ends: (n,), of their bytes."""
-    known: dict[bytes, int] = {}
 
-    def code(start: int, end: int) -> int:
-        raw = piece[start:end]
-        if raw not in known:
-            if len(known) == MOST_KNOWN:
-                known.clear()
-            known[raw] = REASONS.index(_reason(raw, fmt))
-        return known[raw]
+    @functools.lru_cache(MOST_KNOWN)
+    def code(raw: bytes) -> int:
+        return REASONS.index(_reason(raw, fmt))
 
-    return np.fromiter(map(code, starts, ends), np.int8, len(starts))
+    lines = (piece[start:end] for start, end in zip(starts, ends, strict=True))
+    return np.fromiter(map(code, lines), np.int8, len(starts))
 
 
 def _typed(

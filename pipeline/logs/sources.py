@@ -45,39 +45,30 @@ SOURCES = {
 }
 
 
-def source(name: str) -> Source:
-    """Return the source called `name`. Raises InputError for an unknown name."""
-    if name not in SOURCES:
-        raise InputError(f"{name}: no such source; choose one of {', '.join(sorted(SOURCES))}")
-    return SOURCES[name]
-
-
 def files(name: str) -> dict[str, str]:
     """Return the SHA-256 (64 hex digits) of every file of a source, by its path inside the source's folder."""
-    source(name)
     lines = Path(__file__).with_name(f"{name}.sha256").read_text().splitlines()
     return {path: digest for digest, path in (line.split(maxsplit=1) for line in lines)}
 
 
 def address(name: str, path: str) -> str:
     """Return the public address of one file, at the pinned commit."""
-    origin = source(name)
+    origin = SOURCES[name]
     place = quote(f"{origin.folder}/{path}")
     return f"https://raw.githubusercontent.com/{origin.repository}/{origin.commit}/{place}"
 
 
 def folder(workspace: Workspace, name: str) -> Path:
     """Return `data/sources/<name>`, where `tactile fetch <name>` puts the files."""
-    source(name)
     return workspace.sources / name
 
 
-def is_complete(workspace: Workspace, name: str, at: Path | None = None) -> bool:
-    """Return whether the folder `at` (default: `folder(name)`) has all files of a source (True) or none (False).
+def is_complete(workspace: Workspace, name: str) -> bool:
+    """Return whether `folder(name)` has all files of a source (True) or none (False).
 
     Raises InputError that names the first file that is missing beside others, or whose SHA-256 is another.
     """
-    at, listed = folder(workspace, name) if at is None else at, files(name)
+    at, listed = folder(workspace, name), files(name)
     present = [path for path in listed if (at / path).is_file()]
     if not present:
         return False

@@ -96,7 +96,7 @@ def speed_table(
     return table
 
 
-def speed_text(speeds: pd.DataFrame, calls: int, machines: str, note: str = "") -> str:
+def speed_text(speeds: pd.DataFrame, calls: int, machines: str, note: str) -> str:
     """Return table2.md from table2.csv.
 
     calls: how many predictions were timed; machines: what the shards were trained on; note: more to know.

@@ -10,18 +10,18 @@ from pathlib import Path
 import pandas as pd
 
 
-def kept_rows(path: Path, names: Collection[str], by: str = "experiment", text: bool = False) -> pd.DataFrame:
-    """Return the rows of a table whose column `by` is one of `names`, and say so; none where there is no such file.
+def kept_rows(path: Path, experiments: Collection[str], text: bool = False) -> pd.DataFrame:
+    """Return the rows of a table that are of these experiments, and say so; none where there is no such file.
 
     Numbers are read to the last digit; text: everything is left as text.
     """
     if not path.is_file():
-        return pd.DataFrame(columns=[by])
+        return pd.DataFrame(columns=["experiment"])
     how = {"dtype": str, "keep_default_na": False} if text else {}
     table = pd.read_csv(path, **how)
-    rows = table[table[by].isin(names)]
+    rows = table[table["experiment"].isin(experiments)]
     if len(rows):
-        say_kept(path.name, rows["experiment"].unique() if "experiment" in rows else [f"{len(rows)} rows"])
+        say_kept(path.name, rows["experiment"].unique())
     return rows
 
 

@@ -102,43 +102,6 @@ def parse_csv(content: bytes) -> pd.DataFrame:
     return pd.read_csv(io.BytesIO(content), dtype={"condition": str}, keep_default_na=False, na_values=missing)
 
 
-class Scores:
-    """scores.csv of one experiment, looked up row by row."""
-
-    def __init__(self, workspace: Workspace, experiment: str, settings: dict):
-        self.experiment = experiment
-        self.made_by = f"python -m pipeline.stages.evaluate {experiment}"
-        self.path = workspace.scores(experiment)
-        self.protocols = settings["protocols"]
-        key = ["protocol", "condition", "model", "seed", "metric"]
-        table = read_csv(self.path, [*key, "unit", "value"], self.made_by)
-        repeated = table[table.duplicated(key)]
-        if len(repeated):
-            row = ", ".join(str(value) for value in repeated.iloc[0][key])
-            raise InputError(f"{self.path}: two rows for {row}; run `{self.made_by}` again")
-        self._values = {
-            (row.protocol, row.condition, row.model, int(row.seed), row.metric): float(row.value)
-            for row in table.itertuples()
-        }
-
-    def runs(self, protocol: str, condition: str, model: str, metric: str) -> list[float]:
-        """Return one value per seed of params.yaml, NaN for a failed run. Raises InputError that names a missing row.
-
-        A run without an RMSE failed, whatever its other metrics say (no peak can be found in a map of NaN).
-        """
-        values = []
-        for seed in self.protocols[protocol]["seeds"]:
-            key = (protocol, condition, model, seed, metric)
-            if key not in self._values:
-                raise InputError(
-                    f"{self.path}: no row for protocol {protocol}, condition {condition}, "
-                    f"model {model}, seed {seed}, metric {metric}; run `{self.made_by}` again"
-                )
-            failed = np.isnan(self._values.get((*key[:4], "rmse"), 0.0))
-            values.append(np.nan if failed else self._values[key])
-        return values
-
-
 def read_latency(workspace: Workspace, experiment: str, settings: dict) -> dict[tuple[str, int], dict]:
     """Read latency.csv as (model, batch) -> row, for every model and batch of params.yaml."""
     path, made_by = workspace.latency(experiment), f"python -m pipeline.stages.latency {experiment}"

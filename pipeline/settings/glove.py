@@ -43,8 +43,6 @@ class Area(Block):
 
 
 class Sensor(Block):
-    """The glove, or another sensor whose readings make an image."""
-
     reference_ohm: Positive = Field(description="Reference resistor of the scanner (ohm)")
     scale: Literal["frame", "range"] = Field(
         default="frame",
@@ -73,8 +71,6 @@ class Session(Block):
 
 
 class Film(Block):
-    """The Velostat film of the cells."""
-
     rest_ohm: Positive = Field(description="Resistance of a pressure cell at rest (ohm)")
     force_scale: Positive = Field(description="Factor of a cell's force in the law of the recorded taxel")
     gain_spread: NotNegative = Field(description="Standard deviation of a cell's log gain")
@@ -83,8 +79,6 @@ class Film(Block):
 
 
 class Circuit(Block):
-    """The scanner's circuit."""
-
     supply_v: Positive = Field(description="Supply voltage (V)")
     noise_counts: NotNegative = Field(description="Standard deviation of the read-out noise (counts)")
 
@@ -101,8 +95,6 @@ class Effects(Block):
 
 
 class Simulate(Block):
-    """The scene that writes the raw logs."""
-
     seed: SceneNumber = Field(description="Seed of what is done with the glove: moved, all grasps are others")
     specimen: SceneNumber = Field(description="Number of the first glove: the gains of its cells")
     specimens: Specimens = Field(description="Gloves; seed s has glove s")
@@ -122,8 +114,6 @@ class Simulate(Block):
 
 
 class Thinning(Block):
-    """Which frames become images."""
-
     stride: Count = Field(description="Every so many-th frame of a session becomes an image")
 
 
@@ -144,8 +134,6 @@ class Stag(Block):
 
 
 class Glove(Block):
-    """Objects that a hand in a tactile glove grasps (SP-ResNet paper)."""
-
     source: Text = Field(description="`simulated`, or a folder of your own logs: <object>/<session>/scanner.log")
     sensor: Sensor = Field(description="The glove, or another sensor whose readings make an image")
     yardstick: Yardstick = Field(description="The published ratio that sets the scene's difficulty")

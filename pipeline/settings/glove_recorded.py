@@ -7,15 +7,11 @@ from pipeline.settings.shared import Block, Budget, Count, Ingest, Latency, Prot
 
 
 class GraspWindow(Block):
-    """Which frames become images."""
-
     frames: Count = Field(description="Frames of a grasp that become images at most")
     stride: Count = Field(description="Frames from one image to the next")
 
 
 class GloveRecorded(Block):
-    """Recorded grasps of a robot hand with tactile sensors."""
-
     ingest: Ingest = Field(description="What is asked of the recordings")
     window: GraspWindow = Field(description="Which frames become images")
     split: SplitInThree = Field(description="How grasps are divided")

@@ -38,8 +38,6 @@ class GloveAblation(Ablation):
 
 
 class Physics(Block):
-    """Every effect of a scene left out in turn, by experiment."""
-
     touch: TouchAblation = Field(description="Scenes of touch")
     strain: StrainAblation = Field(description="Scenes of strain")
     glove: GloveAblation = Field(description="Scenes of glove")

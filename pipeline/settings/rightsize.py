@@ -8,8 +8,6 @@ from pipeline.settings.shared import Block, Count, Distinct, Width
 
 
 class LompSizes(Block):
-    """LoMP with fewer hidden units."""
-
     sizes: Distinct[Width] = Field(description="Hidden units; the widths of the read-out scale with them")
 
 
@@ -20,28 +18,20 @@ class WindowTraining(Block):
 
 
 class WindowSizes(Block):
-    """A CNN that sees fewer frames."""
-
     sizes: Distinct[Count] = Field(description="Last frames of a window that the CNN sees")
     training: WindowTraining = Field(description="What differs from the recipe of the tables")
 
 
 class TouchLadders(Block):
-    """Ladders of touch."""
-
     lomp: LompSizes = Field(description="LoMP with fewer hidden units")
     window: WindowSizes = Field(description="A CNN that sees fewer frames")
 
 
 class SpResnetSizes(Block):
-    """SP-ResNet with fewer channels."""
-
     sizes: Distinct[Annotated[float, Field(ge=1 / 64, le=1)]] = Field(description="Factor of the published channels")
 
 
 class GloveLadders(Block):
-    """Ladders of glove."""
-
     sp_resnet: SpResnetSizes = Field(description="SP-ResNet with fewer channels")
 
 

@@ -120,8 +120,6 @@ class LookBack(Block):
 
 
 class Latency(Block):
-    """How the time of a prediction is measured."""
-
     batches: Distinct[Annotated[int, Field(ge=1, le=65_536)]] = Field(
         description="Numbers of inputs that are predicted at once"
     )

@@ -34,8 +34,6 @@ TaskOfTables = Literal["task_1", "task_2"]
 
 
 class Sensor(Block):
-    """The strain sensors."""
-
     channels: int = Field(ge=1, le=1024, description="Readings of a line of the DAQ's log, one per strand")
     unit: Literal["V", "ohm", "any"] = Field(default="V", description="Unit of the readings; any: pF, mV/V and others")
     tasks: dict[Text, Distinct[Literal["x", "y", "z"]]] = Field(
@@ -96,8 +94,6 @@ class Strand(Block):
 
 
 class Drift(Block):
-    """How the resistance at rest drifts."""
-
     wander: NotNegative = Field(description="Standard deviation of the drift that all strands share, relative")
     wander_time_s: Positive = Field(description="Correlation time of that drift (s)")
     ageing: Number = Field(description="Relative change of resistance for each factor e of time")
@@ -105,8 +101,6 @@ class Drift(Block):
 
 
 class Circuit(Block):
-    """The voltage divider of a strand."""
-
     supply_v: Positive = Field(description="Supply voltage (V)")
     reference_share: Positive = Field(description="Reference resistor over the strand's resistance at rest")
     noise_v: NotNegative = Field(description="Standard deviation of the noise of a reading (V)")
@@ -123,8 +117,6 @@ class Devices(Block):
 
 
 class Faults(LineFaults):
-    """What goes wrong with the lines of the logs."""
-
     gaps: CountOrNone = Field(description="Times that the DAQ falls silent in a recording")
     gap_s: NotNegative = Field(description="Length of each silence (s)")
 
@@ -143,8 +135,6 @@ class Effects(Block):
 
 
 class Simulate(Block):
-    """The scene that writes the raw logs."""
-
     seed: SceneNumber = Field(description="Seed of motion, drift, noise and line faults")
     specimen: SceneNumber = Field(description="Number of the first finger")
     specimens: Specimens = Field(description="Recordings of each task, each of another finger")
@@ -160,24 +150,18 @@ class Simulate(Block):
 
 
 class StrainIngest(AlignedIngest):
-    """What is asked of the logs."""
-
     rate_hz: RateHz = Field(description="Uniform rate of the samples that models see (Hz)")
     max_gap_s: Positive = Field(description="Longest silence that is interpolated (s)")
     average: bool = Field(default=False, description="Take means over 1 / rate_hz, for a fast DAQ")
 
 
 class StrainSplit(Split):
-    """How recordings are divided."""
-
     test_recordings: list[Text] = Field(
         default=[], description="Recordings that are test data alone, of another day, say; the others then train"
     )
 
 
 class Bases(Block):
-    """Transfer from networks of other tasks than task 0."""
-
     trained_on: Distinct[Task] = Field(description="Tasks whose networks transfer starts from")
     used_for: Distinct[Task] = Field(description="Tasks that they are transferred to")
 
@@ -192,15 +176,11 @@ class CapacityTraining(Block):
 
 
 class Capacity(Block):
-    """Sizes of the LSTM."""
-
     units: Distinct[Width] = Field(description="Units of the LSTM, one size each")
     training: CapacityTraining = Field(description="What differs from the recipe of the tables")
 
 
 class Study(Block):
-    """What the paper asserts and does not test."""
-
     tasks: Distinct[TaskOfTables] = Field(description="Tasks that are studied")
     samples: Distinct[Annotated[int, Field(ge=2, le=1_000_000)]] = Field(description="Numbers of training samples")
     models: Distinct[Literal["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]] = Field(
@@ -214,8 +194,6 @@ class Study(Block):
 
 
 class Strain(Block):
-    """A finger with soft strain sensors on a robot arm (latent-space paper)."""
-
     source: Text = Field(description="`simulated`, or a folder of your own logs: <task>/<recording>/{daq,robot}.log")
     sensor: Sensor = Field(description="The strain sensors")
     yardstick: Yardstick = Field(description="The published ratio that sets the scene's difficulty")

@@ -7,8 +7,6 @@ from pipeline.settings.shared import Block, Budget, Count, Ingest, Latency, Look
 
 
 class ThinnedIngest(Ingest):
-    """What is asked of the recordings."""
-
     every: Count = Field(description="Every so many-th sample is kept")
 
 

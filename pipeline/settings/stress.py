@@ -107,44 +107,30 @@ class SeededTest(Tested):
 
 
 class StressTouch(Tested):
-    """Stress tests of touch."""
-
     perturbations: TouchPerturbations = Field(description="Severities by what goes wrong; range: the ADC's 1023 counts")
 
 
 class StressVelostatRecorded(Tested):
-    """Stress tests of velostat_recorded."""
-
     perturbations: ReadingsOfArea = Field(description="Severities by what goes wrong; range: of training readings")
 
 
 class StressStrain(Tested):
-    """Stress tests of strain."""
-
     perturbations: StrainPerturbations = Field(description="Severities by what goes wrong; range: each channel's")
 
 
 class StressStrainRecorded(Tested):
-    """Stress tests of strain_recorded."""
-
     perturbations: ReadingsOfSeries = Field(description="Severities by what goes wrong; range: each channel's")
 
 
 class StressGlove(SeededTest):
-    """Stress tests of glove."""
-
     perturbations: GlovePerturbations = Field(description="Severities by what goes wrong; range: each area's")
 
 
 class StressGloveRecorded(SeededTest):
-    """Stress tests of glove_recorded."""
-
     perturbations: ReadingsOfArea = Field(description="Severities by what goes wrong; range: each area's")
 
 
 class Stress(Block):
-    """What goes wrong after training, by experiment."""
-
     touch: StressTouch = Field(description="Stress tests of touch")
     velostat_recorded: StressVelostatRecorded = Field(description="Stress tests of velostat_recorded")
     strain: StressStrain = Field(description="Stress tests of strain")

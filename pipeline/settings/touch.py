@@ -33,8 +33,6 @@ from pipeline.settings.shared import (
 
 
 class Sensor(Block):
-    """The array."""
-
     rows: int = Field(ge=1, le=256, description="Rows of elements")
     cols: int = Field(ge=1, le=256, description="Columns of elements")
     pitch_mm: Positive = Field(description="Distance between the centres of neighbouring elements (mm)")
@@ -69,16 +67,12 @@ class Demonstrations(Block):
 
 
 class Pressure(Block):
-    """How hard the tips press."""
-
     lowest_kpa: Positive = Field(description="Smallest peak pressure (kPa)")
     highest_kpa: Positive = Field(description="Largest peak pressure (kPa)")
     location_spread: Fraction = Field(description="Largest relative deviation of a press's peak pressure")
 
 
 class Press(Block):
-    """The course of a press."""
-
     approach_s: Positive = Field(description="Time in which the tip goes down (s)")
     hold_s: Positive = Field(description="Time for which it stays (s)")
     release_s: Positive = Field(description="Time in which it goes up (s)")
@@ -88,8 +82,6 @@ class Press(Block):
 
 
 class Hand(Block):
-    """The second load cell, which is held by hand."""
-
     slower: Positive = Field(description="Factor of its times over those of the CNC")
     tip_radius_mm: Positive = Field(description="Radius of its tip (mm)")
     shift_mm: NotNegative = Field(description="Standard deviation in x and y from the place that was told (mm)")
@@ -99,15 +91,11 @@ class Hand(Block):
 
 
 class Contact(Block):
-    """How a tip's load spreads over the elements."""
-
     silicone_spread_mm: NotNegative = Field(description="Standard deviation of the load's spread in the silicone (mm)")
     full_kpa: Positive = Field(description="Pressure at which all of the tip lies on the sensor (kPa)")
 
 
 class Material(Block):
-    """The Velostat film."""
-
     resistance_scale_ohm: Positive = Field(description="Factor of the recorded taxel's resistances")
     correlation_mm: Positive = Field(description="Correlation length of gain and exponent over the film (mm)")
     repeat_spread: NotNegative = Field(
@@ -138,8 +126,6 @@ class Devices(Block):
 
 
 class Faults(LineFaults):
-    """What goes wrong with the lines of the logs."""
-
     resets: CountOrNone = Field(description="Recordings of an array in which its microcontroller restarts")
 
 
@@ -163,8 +149,6 @@ class Effects(Block):
 
 
 class Simulate(Block):
-    """The scene that writes the raw logs."""
-
     seed: SceneNumber = Field(description="Seed of motions, clocks, noise and faults")
     specimen: SceneNumber = Field(description="Number of the first array: how its film differs from place to place")
     specimens: Specimens = Field(description="Arrays, each with motions of its own; seed s has array s")
@@ -183,8 +167,6 @@ class Simulate(Block):
 
 
 class TouchIngest(AlignedIngest):
-    """What is asked of the logs."""
-
     max_touches: Count = Field(description="Most touches at once")
     highest_count: int = Field(ge=1, le=2**31 - 1, description="Largest reading: 1023 of 10 bits, 4095 of 12")
 
@@ -196,14 +178,10 @@ class Sliding(Block):
 
 
 class TouchWindow(Window):
-    """How frames are cut into windows."""
-
     sliding: Sliding = Field(description="Windows that overlap, for the protocol random_window")
 
 
 class Label(Block):
-    """The pressure maps that models are asked for."""
-
     tip_radius_mm: Positive = Field(description="Radius of the tip that turns force into pressure (mm)")
     tip_radius_by_condition_mm: dict[Text, Positive] = Field(
         default={}, description="Radius of the tip of conditions with another one (mm)"
@@ -244,8 +222,6 @@ class AblationRow(Block):
 
 
 class Touch(Block):
-    """Presses on an array of pressure-sensitive elements (LoMP paper)."""
-
     source: Text = Field(
         description="`simulated`, or a folder of your own logs: <condition>/<recording>/{array,load_cell,cnc}.log"
     )

@@ -9,8 +9,6 @@ from pipeline.settings.shared import Block, Budget, Fraction, Ingest, Latency, P
 
 
 class Sensor(Block):
-    """The taxel."""
-
     rows: Literal[1] = Field(description="Rows of elements")
     cols: Literal[1] = Field(description="Columns of elements")
 
@@ -23,8 +21,6 @@ class Label(Block):
 
 
 class LastPart(Block):
-    """What of a training recording validates."""
-
     validation: Fraction = Field(description="Share of each training recording, its end")
 
 
@@ -43,8 +39,6 @@ class Protocols(Block):
 
 
 class VelostatRecorded(Block):
-    """Recordings of a Velostat taxel under a load cell."""
-
     sensor: Sensor = Field(description="The taxel")
     ingest: Ingest = Field(description="What is asked of the recordings")
     window: Window = Field(description="How readings are cut into windows")

@@ -3,7 +3,9 @@
 What the stages simulate, ingest, window, dataset, train and evaluate do, in a workspace that nobody keeps.
 """
 
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -85,6 +87,16 @@ def scores(
     """Yield (condition, model, rows of scores of the asked part) of every model trained on the workspace's dataset."""
     by_kind = {"windows": _windows_scores, "series": _series_scores, "images": _images_scores}
     yield from by_kind[experiments.module(experiment).KIND](workspace, experiment, settings, asked, seed, device)
+
+
+def scores_anew(
+    experiment: str, settings: dict, asked: Asked, seed: int, device: str
+) -> Iterator[tuple[str, str, list[metrics.Row]]]:
+    """Yield as `scores`, of a dataset that is made for it and that nobody keeps."""
+    with tempfile.TemporaryDirectory() as name:
+        workspace = Workspace(Path(name))
+        write_dataset(workspace, experiment, settings, asked.protocols, seed)
+        yield from scores(workspace, experiment, settings, asked, seed, device)
 
 
 def _fitted(

@@ -34,7 +34,7 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import glove_stress
-from pipeline.scoring import classification, metrics, results
+from pipeline.scoring import classification, metrics
 from pipeline.stability import clean_scores, perturbations
 from pipeline.tasks import images as tasks_images
 
@@ -68,8 +68,7 @@ class Frames(NamedTuple):
 
 def prepare(workspace: Workspace, values: Mapping, experiment: str) -> dict[str, list]:
     """Return the perturbations that params.yaml asks for, with their severities; InputError for an unknown one."""
-    asked = values["stress"][experiment]["perturbations"]
-    return perturbations.planned(experiment, values[experiment], asked, READINGS, SCENES)
+    return perturbations.planned(values, experiment, READINGS, SCENES)
 
 
 def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
@@ -83,14 +82,14 @@ def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, rep
     torch.set_num_threads(1)
     settings, block = values[experiment], values["stress"][experiment]
     plan = prepare(workspace, values, experiment)
-    written = results.Scores(workspace, experiment, settings)
+    check = clean_scores.checker(workspace, experiment, ROUNDING)
     rows_of_runs = {}
     for split in dict.fromkeys(map(images.split_name, block["protocols"])):
         protocols = [name for name in block["protocols"] if images.split_name(name) == split]
         for seed in block["seeds"]:
             runs = {protocol: Run(workspace, values, experiment, model, protocol, seed) for protocol in protocols}
             for protocol, run in runs.items():
-                clean_scores.check(written, (protocol, run.modality, model, seed), settings, run.clean, ROUNDING)
+                check((protocol, run.modality, model, seed), run.clean)
             frames = read(workspace, experiment, settings, next(iter(runs.values())).part)
             for name, severities in plan.items():
                 for protocol, run in runs.items():

@@ -7,7 +7,7 @@ elements and some more, so that errors at two severities compare. Readings are n
 caller knows the range and clips.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -15,14 +15,13 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 
 
-def planned(
-    experiment: str, settings: Mapping, given: Mapping[str, list], readings: Sequence[str], scenes: Sequence[str]
-) -> dict[str, list]:
-    """Return perturbation -> rising severities of an experiment; scene perturbations only where data are simulated.
+def planned(values: Mapping, experiment: str, readings: Collection[str], scenes: Collection[str]) -> dict[str, list]:
+    """Return perturbation -> rising severities of params.yaml; scene perturbations only where data are simulated.
 
-    settings: the experiment's block; given: perturbation -> severities of params.yaml; readings, scenes: known names of
-    perturbations of readings and of scenes. Recordings have no scene. Raises InputError for an unknown name.
+    readings, scenes: known names of perturbations of readings and of scenes. Recordings have no scene. Raises
+    InputError for an unknown name.
     """
+    settings, given = values[experiment], values["stress"][experiment]["perturbations"]
     known = (*readings, *(scenes if "simulate" in settings else ()))
     params.check_known(given, known, f"stress.{experiment}.perturbations")
     simulated = settings.get("source") == "simulated"

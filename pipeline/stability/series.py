@@ -33,7 +33,7 @@ from pipeline.datasets import schemas, series
 from pipeline.datasets.seeding import generator
 from pipeline.logs import alignment, parse
 from pipeline.scenes import strain_stress
-from pipeline.scoring import metrics, results
+from pipeline.scoring import metrics
 from pipeline.stability import clean_scores, perturbations
 from pipeline.tasks import series as tasks_series
 
@@ -73,8 +73,7 @@ class Run(NamedTuple):
 
 def prepare(workspace: Workspace, values: Mapping, experiment: str) -> dict[str, list]:
     """Return the perturbations that params.yaml asks for, with their severities; InputError for an unknown one."""
-    asked = values["stress"][experiment]["perturbations"]
-    return perturbations.planned(experiment, values[experiment], asked, READINGS, SCENES)
+    return perturbations.planned(values, experiment, READINGS, SCENES)
 
 
 def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
@@ -88,7 +87,7 @@ def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, rep
     torch.set_num_threads(1)
     settings, block = values[experiment], values["stress"][experiment]
     plan = prepare(workspace, values, experiment)
-    written, rows_of_runs = results.Scores(workspace, experiment, settings), []
+    check, rows_of_runs = clean_scores.checker(workspace, experiment, ROUNDING), []
     for protocol in block["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
             run = loaded(workspace, values, experiment, model, protocol, seed)
@@ -97,10 +96,9 @@ def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, rep
             for piece in pieces:
                 if not (piece.part == "test").any():
                     continue
-                check = functools.partial(clean_scores.check, written, (protocol, piece.condition, model, seed))
                 for name, severity, scores in stressed(run, piece, seen, plan, settings):
                     if severity == 0 and name not in SCENES:
-                        check(settings, scores, ROUNDING)
+                        check((protocol, piece.condition, model, seed), scores)
                     rows_of_runs += [(protocol, piece.condition, seed, name, severity, *row) for row in scores]
             report()
     return rows_of_runs

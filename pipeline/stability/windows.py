@@ -29,8 +29,9 @@ from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
 from pipeline.datasets.windows import Dataset, read_dataset
+from pipeline.learning.trained import Trained
 from pipeline.scenes import touch_stress
-from pipeline.scoring import results
+from pipeline.scoring import metrics
 from pipeline.stability import clean_scores, perturbations
 from pipeline.tasks import windows as tasks_windows
 
@@ -123,28 +124,21 @@ def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, rep
         case: read_dataset(_scene_file(workspace, experiment, case), spec.frames)
         for case in scene_cases(values, experiment)
     }
-    written, rows_of_runs, asked = results.Scores(workspace, experiment, settings), [], stress["perturbations"]
+    check, rows_of_runs = clean_scores.checker(workspace, experiment, ROUNDING), []
     for protocol in stress["protocols"]:
         for seed in settings["protocols"][protocol]["seeds"]:
             run = tasks.load(workspace, values, experiment, model, protocol, seed, spec)
             test = np.flatnonzero(data.part(protocol, seed) == "test")
             few = test[_in_first_recordings(data.rows.take(test), stress.get("recordings", {}))]
-            whole = _readings_rows(experiment, values, data, (protocol, seed), run.model, test, {})
-            rows_of_run = _readings_rows(experiment, values, data, (protocol, seed), run.model, few, asked)
-            rows_of_run += _scene_rows(experiment, settings, seed, perturbed_scenes, run.model)
-            if run.failed:
-                whole, rows_of_run = _without_values(whole), _without_values(rows_of_run)
+            whole = _readings_rows(experiment, values, data, (protocol, seed), run, test, {})
+            rows_of_run = _readings_rows(experiment, values, data, (protocol, seed), run, few, stress["perturbations"])
+            rows_of_run += _scene_rows(experiment, settings, seed, perturbed_scenes, run)
             for condition in experiments.module(experiment).STRESSED:
                 clean = [row[3:] for row in whole if row[:2] == (condition, UNCHANGED)]
-                clean_scores.check(written, (protocol, condition, model, seed), settings, clean, ROUNDING)
+                check((protocol, condition, model, seed), clean)
             rows_of_runs += [(protocol, condition, seed, *rest) for condition, *rest in with_clean(rows_of_run)]
             report()
     return rows_of_runs
-
-
-def _without_values(rows: list[tuple]) -> list[tuple]:
-    """Return rows of a run that failed in training: NaN in place of every value."""
-    return [(*row[:5], float("nan"), row[6]) for row in rows]
 
 
 def perturber(settings: Mapping, data: Dataset, train: np.ndarray) -> Callable:
@@ -198,7 +192,13 @@ def _in_first_recordings(rows: pa.Table, recordings: Mapping[str, int]) -> np.nd
 
 
 def _readings_rows(
-    experiment: str, values: Mapping, data: Dataset, run: tuple[str, int], model, rows: np.ndarray, asked: Mapping
+    experiment: str,
+    values: Mapping,
+    data: Dataset,
+    run: tuple[str, int],
+    trained: Trained,
+    rows: np.ndarray,
+    asked: Mapping,
 ) -> list[tuple]:
     """Return (condition, perturbation, severity, metric, unit, value, n) of the windows `rows`, clean and perturbed.
 
@@ -212,17 +212,18 @@ def _readings_rows(
     scored = []
     for name, severity in wanted:
         changed = x if name == UNCHANGED else change(x, name, severity, generator(seed, "stress", name))
-        predicted = tasks_windows.predict(model, changed, data, rows)
+        predicted = tasks_windows.predict(trained.model, changed, data, rows)
         for tested in module.STRESSED:
             chosen = np.full(len(rows), True) if tested == "all" else condition == tested
             if chosen.any():
                 scores = tasks_windows.score(module, data.y[rows[chosen]], predicted[chosen], settings)
+                scores = metrics.unless_failed(scores, trained.failed)
                 scored += [(tested, name, severity, *row) for row in scores if row[0] in REPORTED]
     return scored
 
 
 def _scene_rows(
-    experiment: str, settings: Mapping, seed: int, perturbed_scenes: Mapping[Case, Dataset], model
+    experiment: str, settings: Mapping, seed: int, perturbed_scenes: Mapping[Case, Dataset], trained: Trained
 ) -> list[tuple]:
     """Return rows as `_readings_rows`, of the perturbed scenes of the seed's specimen."""
     rows, module = [], experiments.module(experiment)
@@ -230,9 +231,9 @@ def _scene_rows(
         if case.specimen != seed % settings["simulate"]["specimens"]:
             continue
         varied = touch_stress.varied(settings, case.perturbation, case.severity)
-        predicted = tasks_windows.predict(model, data.x, data, np.arange(len(data.x)))
+        predicted = tasks_windows.predict(trained.model, data.x, data, np.arange(len(data.x)))
         scores = tasks_windows.score(module, data.y, predicted, varied)
-        rows += [(*case[:3], *row) for row in scores if row[0] in REPORTED]
+        rows += [(*case[:3], *row) for row in metrics.unless_failed(scores, trained.failed) if row[0] in REPORTED]
     return rows
 
 

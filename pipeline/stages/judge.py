@@ -1,9 +1,9 @@
-"""Judge every claim of the three papers by the files of reports, or those on one experiment by what its stages wrote.
+"""Judge every claim of the three papers by the files of reports.
 
 Writes reports/claims.csv, one row per claim in full precision, and reports/claims.md, which says that to people and,
 for each claim that is not reproduced, what was tried to find the reason. Judged is the evidence; of what no training
 changes, the files of reports.
-Usage: python -m pipeline.stages.judge [EXPERIMENT]
+Usage: python -m pipeline.stages.judge
 """
 
 from pipeline.base import arguments, files, params, paths
@@ -13,19 +13,18 @@ from pipeline.claims.rules import VERDICTS
 from pipeline.reporting.claims import text
 from pipeline.scoring import one_table
 
-NEEDED = ("latency", "counts")  # without an experiment; the results of studies may be missing
+NEEDED = ("latency", "counts")  # the results of studies may be missing
 
 
 def main(workspace: Workspace) -> None:
     """Judge the claims; what was not run is open."""
     values = params.load(workspace.params)
-    claims, papers = entries.read(workspace)
-    experiments = [name for paper in papers.values() for name in (paper.simulated, paper.recorded)]
-    chosen = arguments.parse(__doc__, experiment=(*experiments, None)).experiment
-    for name in () if chosen else NEEDED:
+    arguments.parse(__doc__)
+    claims, _ = entries.read(workspace)
+    for name in NEEDED:
         paths.require(one_table.of_reports(workspace.reports)[name], "dvc repro")
-    claims = [judge.on_own_logs(claim, values) for claim in claims if chosen in (None, claim.experiment)]
-    judged = judge.table(claims, one_table.results(workspace, one_table.of_own_logs(values), chosen or ""))
+    claims = [judge.on_own_logs(claim, values) for claim in claims]
+    judged = judge.table(claims, one_table.results(workspace, one_table.of_own_logs(values)))
     files.write_table(workspace.reports / "claims.csv", judged)
     tried = {claim.id: claim.tried for claim in claims}
     files.write_text(workspace.reports / "claims.md", text(workspace, judged, tried))

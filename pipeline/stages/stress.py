@@ -10,7 +10,6 @@ from tqdm import tqdm
 from pipeline import experiments
 from pipeline.base import arguments, files, params, workers
 from pipeline.base.availability import why_not_run
-from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.stability import images, series, windows
 
@@ -42,8 +41,6 @@ def main(workspace: Workspace) -> None:
     """Stress the models of the experiment named on the command line."""
     values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
-    if experiment not in values["stress"]:
-        raise InputError(f"params.yaml, stress: there is no block '{experiment}'; add one")
     protocols, block = values[experiment]["protocols"], values["stress"][experiment]
     params.check_known(block["protocols"], protocols, f"stress.{experiment}.protocols")
     models, rows = list(values[experiment]["models"]), {}

@@ -7,9 +7,7 @@ Writes the scores of one seed; `render_study physics` judges them.
 Usage: python -m pipeline.studies.physics touch|strain|glove SEED
 """
 
-import tempfile
 from collections.abc import Callable, Mapping
-from pathlib import Path
 
 from tqdm import tqdm
 
@@ -48,14 +46,9 @@ def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report
     torch.set_num_threads(1)
     asked, settings = asked_of(values, experiment), settings_of(values, experiment, effect, seed)
     metric, rows = MAIN_METRIC[experiment], []
-    with tempfile.TemporaryDirectory() as name:
-        workspace = Workspace(Path(name))
-        changed_scene.write_dataset(workspace, experiment, settings, asked.protocols, seed)
-        for condition, model, scores in changed_scene.scores(
-            workspace, experiment, settings, asked, seed, values["device"]
-        ):
-            unit, value = next((unit, value) for name, unit, value, _ in scores if name == metric)
-            rows.append((experiment, effect, condition, model, seed, metric, unit, value))
+    for condition, model, scores in changed_scene.scores_anew(experiment, settings, asked, seed, values["device"]):
+        unit, value = next((unit, value) for name, unit, value, _ in scores if name == metric)
+        rows.append((experiment, effect, condition, model, seed, metric, unit, value))
     report()
     return rows
 

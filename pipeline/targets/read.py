@@ -16,7 +16,7 @@ import pyarrow as pa
 from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
-from pipeline.experiments import glove, strain, strain_recorded, touch
+from pipeline.experiments import glove, strain, strain_recorded, touch, velostat_recorded
 from pipeline.logs import alignment, layout, own_data, parse, sniff
 from pipeline.logs.formats import LOGS, Column, Format, second
 from pipeline.settings.targets import Asked, Split, Target
@@ -26,10 +26,11 @@ NO_GROUP = np.empty(0, dtype=str)
 PARTS = 5  # of a recording, or of the grasps of an object, where time divides
 LARGEST = 1e12  # of a target; a larger number is none
 LEAST, MOST = 0.1, 2.0  # of the time that the sensor's log lasts; a log beside it that lasts less or more is not of it
-FORMATS = {
+FORMATS = {  # of the sensor's log, by experiment
     "touch": touch.array_format,
     "strain": lambda settings: strain.formats(settings)["daq.log"],
     "glove": glove.scanner_format,
+    "velostat_recorded": lambda settings: velostat_recorded.VELOSTAT,
 }
 # A number in a name: with a sign, or no 0 before its point, only where no letter or digit precedes: weight-100g is 100.
 # A comma is a decimal one, but 1,500 is two numbers, as nobody knows whether it is 1.5.

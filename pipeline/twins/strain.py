@@ -95,13 +95,8 @@ def recorded(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["recording", "statistic", "value"])
 
 
-def simulated(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
-    """Return the same of the scene; no file is read."""
-    return of_scene(settings)
-
-
-def of_scene(settings: Mapping) -> pd.DataFrame:
-    """Return the same of each specimen of the scene, running the recorded program; settings: the whole params."""
+def simulated(workspace: Workspace | None, settings: Mapping) -> pd.DataFrame:
+    """Return the same of each specimen of the scene, running the recorded program; no file is read."""
     scene, rows = settings["strain"]["simulate"], []
     for specimen in range(scene["specimen"], scene["specimen"] + scene["specimens"]):
         values = statistics(*program(scene, specimen))

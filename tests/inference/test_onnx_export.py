@@ -24,10 +24,11 @@ from pipeline.learning.regressors import Scaled
 
 
 class Exported(NamedTuple):
-    """A saved model and its ONNX file."""
+    """A saved model, its ONNX file and how far that is from it."""
 
     model: predictor.Predictor
-    written: onnx_export.Written
+    path: Path
+    difference: float
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,8 @@ def exported(tmp_path_factory):
     def make(key: str) -> Exported:
         if key not in known:
             model = predictor.load(save(key, tmp_path_factory.mktemp(key)))
-            known[key] = Exported(model, onnx_export.export(model, tmp_path_factory.mktemp(f"{key}_onnx")))
+            folder = tmp_path_factory.mktemp(f"{key}_onnx")
+            known[key] = Exported(model, folder / onnx_network.NAME, onnx_export.export(model, folder))
         return known[key]
 
     return make
@@ -53,7 +55,7 @@ def described(path: Path) -> dict:
 @pytest.mark.slow
 @pytest.mark.parametrize("key", [key for key, case in CASES.items() if case.experiment == "touch"][:5])
 def test_windows_give_the_maps_of_the_predictor(key, exported):
-    model, (path, difference) = exported(key)
+    model, path, difference = exported(key)
     readings = np.random.default_rng(3).uniform(40, 200, (11, MAPS.elements)).astype(np.float32)
     maps = model.predict(readings)[4:]  # the first window of three readings, two apart, ends at the fifth
     assert np.abs(maps).max() > 1
@@ -67,7 +69,7 @@ def test_windows_give_the_maps_of_the_predictor(key, exported):
 @pytest.mark.slow
 @pytest.mark.parametrize("key", [key for key, case in CASES.items() if case.experiment == "glove"])
 def test_images_give_the_probabilities_of_the_network(key, exported):
-    model, (path, difference) = exported(key)
+    model, path, difference = exported(key)
     assert difference < 1e-5
     images = np.random.default_rng(3).uniform(0, 255, (5, 1, 1024)).astype(np.float32)
     images *= np.linspace(0, 1, 5, dtype=np.float32)[:, None, None]
@@ -81,7 +83,7 @@ def test_images_give_the_probabilities_of_the_network(key, exported):
 @pytest.mark.slow
 @pytest.mark.parametrize("key", ["lstm_direct", "lstm_transfer", "lstm_transfer_ridge", "lstm_highpass", "esn"])
 def test_a_series_reading_by_reading_is_the_series_at_once(key, exported):
-    model, (path, difference) = exported(key)
+    model, path, difference = exported(key)
     assert difference < 1e-5
     readings = np.random.default_rng(3).uniform(1.5, 2.5, (9, COLUMNS)).astype(np.float32)
     places = model.predict(readings)
@@ -101,7 +103,7 @@ def test_a_series_reading_by_reading_is_the_series_at_once(key, exported):
 
 @pytest.mark.slow
 def test_a_stream_of_frames_carries_its_state(exported):
-    model, (path, difference) = exported("lomp_stream")
+    model, path, difference = exported("lomp_stream")
     assert difference < 1e-5
     readings = np.random.default_rng(3).uniform(40, 200, (7, 2, MAPS.elements)).astype(np.float32)
     model.reset()
@@ -116,7 +118,7 @@ def test_a_stream_of_frames_carries_its_state(exported):
 
 @pytest.mark.slow
 def test_a_stream_cuts_its_state(exported):
-    _, (path, _) = exported("lomp_stream")
+    _, path, _ = exported("lomp_stream")
     high = np.full((MAPS.elements, 1, 8), 1000, np.float32)
     _, state = onnx_network.session(path).run(
         None, {"readings": np.zeros((1, MAPS.elements), np.float32), "state": high}
@@ -126,7 +128,7 @@ def test_a_stream_cuts_its_state(exported):
 
 @pytest.mark.slow
 def test_the_file_says_what_goes_in_and_out(exported):
-    _, (path, _) = exported("lstm_highpass")
+    _, path, _ = exported("lstm_highpass")
     tensors = described(path)
     assert list(tensors) == [*("readings", "recent", "h", "c"), *("position_mm", "next_recent", "next_h", "next_c")]
     assert tensors["readings"]["shape"] == ["n", COLUMNS] and tensors["readings"]["what"].startswith("V: ")
@@ -143,7 +145,7 @@ def test_the_file_says_what_goes_in_and_out(exported):
 
 @pytest.mark.slow
 def test_a_file_that_differs_from_torch_is_refused(exported, tmp_path, monkeypatch):
-    model, _ = exported("cnn")
+    model, *_ = exported("cnn")
     write = onnx_export.write
 
     def spoiled(graph, card, path):

@@ -39,7 +39,7 @@ def small(monkeypatch, tmp_path):
 def test_a_source_is_pinned_and_complete(name, count, first):
     listed = sources.files(name)
     assert len(listed) == count and all(re.fullmatch(r"[0-9a-f]{64}", digest) for digest in listed.values())
-    assert re.fullmatch(r"[0-9a-f]{40}", sources.source(name).commit)
+    assert re.fullmatch(r"[0-9a-f]{40}", sources.SOURCES[name].commit)
     for path in listed:
         address = sources.address(name, path)
         assert address.startswith("https://raw.githubusercontent.com/") and first in address
@@ -74,14 +74,12 @@ def test_wrong_file_is_refused_and_not_put_in_place(workspace, small):
         sources.is_complete(workspace, "velostat_recorded")
 
 
-def test_missing_file_folder_and_name_are_one_sentence(workspace, small, tmp_path):
+def test_missing_file_and_folder_are_one_sentence(workspace, small, tmp_path):
     (small / "a/one.txt").unlink()
     with pytest.raises(InputError, match=r"one\.txt: not found; --from"):
         fetch.fetch(workspace, "velostat_recorded", small)
     with pytest.raises(InputError, match="no such folder"):
         fetch.fetch(workspace, "velostat_recorded", tmp_path / "nowhere")
-    with pytest.raises(InputError, match="no such source; choose one of .*velostat_recorded"):
-        fetch.fetch(workspace, "velostat")
 
 
 class Server(ThreadingHTTPServer):

@@ -124,7 +124,8 @@ def test_elements_that_cannot_fail_are_refused(name, severity):
 
 def test_unknown_names_are_refused_and_recordings_have_no_scene():
     def planned(settings, given):
-        return perturbations.planned("glove", settings, given, ("noise", "dead"), ("grip",))
+        values = {"glove": settings, "stress": {"glove": {"perturbations": given}}}
+        return perturbations.planned(values, "glove", ("noise", "dead"), ("grip",))
 
     with pytest.raises(InputError, match="stress.glove.perturbations: unknown key 'deads'; did you mean 'dead'"):
         planned({"simulate": {}}, {"deads": [1]})

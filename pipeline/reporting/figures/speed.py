@@ -11,13 +11,9 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocato
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import model_style
-from pipeline.reporting.words.labels import FRONTS, SPREAD
+from pipeline.reporting.words.labels import FRONTS, SPREAD, TIMES
 
 TOP = 0.97  # height of a failed model's mark, share of the axis
-TIMES = {
-    "p50_ms": "Median time of a prediction (ms)",
-    "train_s": "Training time (s)",
-}
 
 
 def chart(path: Path, table: pd.DataFrame, time: str) -> None:

@@ -60,49 +60,47 @@ function extent(values, log) {
   return log ? [low / 1.25, high * 1.25] : [Math.min(0, low), high * 1.08];
 }
 
-const PANELS = {
-  // Speed against accuracy: one panel per panel of the table and measured time.
-  speed(data, state) {
-    const kinds = Object.keys(data.axes).flatMap((axis) => [...new Set(data.rows.map((row) => row.panel))].map((panel) => [axis, panel]));
-    return kinds.map(([axis, panel]) => {
-      const rows = data.rows.filter((row) => row.axis === axis && row.panel === panel && !state.hidden.has(row.model));
-      const type = state.log ? "log" : "linear";
-      const good = rows.filter((row) => !row.failed && row.error !== null && (!state.log || row.error > 0));
-      const failed = rows.filter((row) => row.failed);
-      // An interval may leave the panel, the points may not.
-      const heights = good.map((row) => row.error);
-      const y = extent([...heights, ...good.map((row) => (row.high === null ? null : Math.min(row.high, 1.2 * Math.max(...heights))))], state.log);
-      const x = extent(rows.flatMap((row) => [row.time_low, row.time_high, row.time]), state.log);
-      const [width, height] = [400, 330];
-      const frame = { width, height, marginLeft: 48, marginRight: 16, marginTop: 22, marginBottom: 40 };
-      const scales = {
-        x: { type, domain: x, label: data.axes[axis], ticks: 5, tickFormat: state.log ? "~g" : undefined, grid: true },
-        y: { type, domain: y, label: rows.length ? rows[0].measure : "", ticks: y[1] < 10 * y[0] ? d3.ticks(...y, 5) : 5, tickFormat: state.log ? "~g" : undefined, grid: true },
-      };
-      const toX = Plot.scale({ x: { ...scales.x, range: [frame.marginLeft, width - frame.marginRight] } }).apply;
-      const toY = Plot.scale({ y: { ...scales.y, range: [height - frame.marginBottom, frame.marginTop] } }).apply;
-      const drawn = good.map((row) => ({ ...row, filled: row.front === 1 }));
-      const front = drawn.filter((row) => row.filled).sort((a, b) => a.time - b.time || b.error - a.error);
-      const points = [...drawn, ...failed.map((row) => ({ ...row, error: y[1], filled: false }))].sort((a, b) => a.time - b.time);
-      const placed = names(points, (row) => toX(row.time), (row) => toY(row.error), width);
-      return {
-        caption: `${panel}: ${data.axes[axis].toLowerCase()}`,
-        points: points.map((row) => ({ ...row, at: [toX(row.time), toY(row.error)] })),
-        options: {
-          ...frame, ...scales, ariaLabel: `${data.name}, ${panel}: ${scales.y.label} against ${data.axes[axis].toLowerCase()}, ${rows.length} models`,
-          marks: [
-            Plot.line(front, { x: "time", y: "error", curve: "step-after", stroke: SOFT, strokeWidth: 1.2 }),
-            Plot.ruleX(drawn.filter((row) => row.low !== null), { x: "time", y1: (row) => Math.max(row.low, y[0]), y2: (row) => Math.min(row.high, y[1]), stroke: "#555" }),
-            Plot.ruleY(drawn, { y: "error", x1: "time_low", x2: "time_high", stroke: "#555" }),
-            ...dots(drawn, data.models, "time", "error", 6),
-            Plot.dot(points.filter((row) => row.failed), { x: "time", y: "error", symbol: "times", stroke: "#d55e00", strokeWidth: 2.5, r: 6 }),
-            ...placed.map(({ row, ...place }) => Plot.text([row], { x: "time", y: "error", text: "label", ...place, fill: INK, fontSize: 11, stroke: "#fff", strokeWidth: 3 })),
-          ],
-        },
-      };
-    });
-  },
-};
+// Speed against accuracy: one panel per panel of the table and measured time.
+function panels(data, state) {
+  const kinds = Object.keys(data.axes).flatMap((axis) => [...new Set(data.rows.map((row) => row.panel))].map((panel) => [axis, panel]));
+  return kinds.map(([axis, panel]) => {
+    const rows = data.rows.filter((row) => row.axis === axis && row.panel === panel && !state.hidden.has(row.model));
+    const type = state.log ? "log" : "linear";
+    const good = rows.filter((row) => !row.failed && row.error !== null && (!state.log || row.error > 0));
+    const failed = rows.filter((row) => row.failed);
+    // An interval may leave the panel, the points may not.
+    const heights = good.map((row) => row.error);
+    const y = extent([...heights, ...good.map((row) => (row.high === null ? null : Math.min(row.high, 1.2 * Math.max(...heights))))], state.log);
+    const x = extent(rows.flatMap((row) => [row.time_low, row.time_high, row.time]), state.log);
+    const [width, height] = [400, 330];
+    const frame = { width, height, marginLeft: 48, marginRight: 16, marginTop: 22, marginBottom: 40 };
+    const scales = {
+      x: { type, domain: x, label: data.axes[axis], ticks: 5, tickFormat: state.log ? "~g" : undefined, grid: true },
+      y: { type, domain: y, label: rows.length ? rows[0].measure : "", ticks: y[1] < 10 * y[0] ? d3.ticks(...y, 5) : 5, tickFormat: state.log ? "~g" : undefined, grid: true },
+    };
+    const toX = Plot.scale({ x: { ...scales.x, range: [frame.marginLeft, width - frame.marginRight] } }).apply;
+    const toY = Plot.scale({ y: { ...scales.y, range: [height - frame.marginBottom, frame.marginTop] } }).apply;
+    const drawn = good.map((row) => ({ ...row, filled: row.front === 1 }));
+    const front = drawn.filter((row) => row.filled).sort((a, b) => a.time - b.time || b.error - a.error);
+    const points = [...drawn, ...failed.map((row) => ({ ...row, error: y[1], filled: false }))].sort((a, b) => a.time - b.time);
+    const placed = names(points, (row) => toX(row.time), (row) => toY(row.error), width);
+    return {
+      caption: `${panel}: ${data.axes[axis].toLowerCase()}`,
+      points: points.map((row) => ({ ...row, at: [toX(row.time), toY(row.error)] })),
+      options: {
+        ...frame, ...scales, ariaLabel: `${data.name}, ${panel}: ${scales.y.label} against ${data.axes[axis].toLowerCase()}, ${rows.length} models`,
+        marks: [
+          Plot.line(front, { x: "time", y: "error", curve: "step-after", stroke: SOFT, strokeWidth: 1.2 }),
+          Plot.ruleX(drawn.filter((row) => row.low !== null), { x: "time", y1: (row) => Math.max(row.low, y[0]), y2: (row) => Math.min(row.high, y[1]), stroke: "#555" }),
+          Plot.ruleY(drawn, { y: "error", x1: "time_low", x2: "time_high", stroke: "#555" }),
+          ...dots(drawn, data.models, "time", "error", 6),
+          Plot.dot(points.filter((row) => row.failed), { x: "time", y: "error", symbol: "times", stroke: "#d55e00", strokeWidth: 2.5, r: 6 }),
+          ...placed.map(({ row, ...place }) => Plot.text([row], { x: "time", y: "error", text: "label", ...place, fill: INK, fontSize: 11, stroke: "#fff", strokeWidth: 3 })),
+        ],
+      },
+    };
+  });
+}
 
 function button(words, pressed, act) {
   const made = document.createElement("button");
@@ -144,7 +142,7 @@ for (const charts of document.querySelectorAll(".charts")) {
   }
 
   function draw() {
-    const figures = PANELS[charts.dataset.kind](data, state).map(({ caption, points, options }) => {
+    const figures = panels(data, state).map(({ caption, points, options }) => {
       const figure = document.createElement("figure");
       const chart = document.createElement("div");
       chart.className = "chart";

@@ -14,20 +14,19 @@ from matplotlib.markers import MarkerStyle
 
 from pipeline.reporting.figures.style import model_style
 from pipeline.reporting.speed import ESTIMATE
-from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name
+from pipeline.reporting.words.labels import FRONTS, SPREAD, TIMES, model_name
 from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.results import Estimate
 
 PLACE = ("panel", "protocol", "condition", "model", "measure")
 COSTS = ("batch", "p50_ms", "p95_ms", "large_batch", "predictions_per_s", "train_s", "params", "macs", "size_bytes")
 COLUMNS = (*PLACE, *ESTIMATE, *COSTS, *chain(*SPREAD.values()), *FRONTS.values())  # of table2.csv
-AXES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time (s)"}
 
 
 def data(table: pd.DataFrame, name: str) -> dict:
     """Return what charts.js draws of a speed table: one chart per panel and measured time."""
     rows = []
-    for time in AXES:
+    for time in TIMES:
         for row in table.to_dict("records"):
             error = {key: finite(row[key]) for key in ("error", "low", "high")}
             low, high = (finite(row[key]) for key in SPREAD[time])
@@ -38,7 +37,7 @@ def data(table: pd.DataFrame, name: str) -> dict:
                 | {"front": int(row[FRONTS[time]]), "measure": row["measure"], "words": describe(row, time)}
             )
     looks = {model: look(model) for model in dict.fromkeys(row["model"] for row in rows)}
-    return {"name": name, "axes": AXES, "rows": rows, "models": looks}
+    return {"name": name, "axes": TIMES, "rows": rows, "models": looks}
 
 
 def finite(value: float) -> float | None:

@@ -2,7 +2,7 @@
 
 // A cell's value: the number that it starts with, else its words.
 function value(cell) {
-  const text = cell.dataset.value ?? cell.textContent.trim().replaceAll(",", "");
+  const text = cell.textContent.trim().replaceAll(",", "");
   const number = text.match(/^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?/i);
   return number ? Number(number[0]) : text.toLowerCase();
 }

@@ -1,6 +1,7 @@
 """Name experiments, models, perturbations, effects and columns as the reports do."""
 
 FRONTS = {"p50_ms": "speed_front", "train_s": "training_front"}  # measured time -> the column of its Pareto front
+TIMES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time (s)"}  # -> its axis
 SPREAD = {"p50_ms": ["p50_low_ms", "p50_high_ms"], "train_s": ["train_low_s", "train_high_s"]}  # -> its least and most
 LABELS = {
     "constant": "Constant (mean)",
