@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
-from pipeline.base import files, params
+from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries
@@ -62,9 +62,11 @@ class Absent(Exception):
     """The evidence has no run of what a sentence asks for."""
 
 
-def answers(workspace: Workspace, claims: pd.DataFrame, results: Results, content: Mapping) -> list[Answer]:
-    """Return the answer of each paper whose simulated experiment is reported; claims: as of page.claims.read."""
-    papers, values = entries.papers(workspace), params.load(workspace.params)
+def answers(
+    workspace: Workspace, claims: pd.DataFrame, results: Results, content: Mapping, values: Mapping
+) -> list[Answer]:
+    """Return the answer of each paper whose simulated experiment is reported; claims: as of page.claims.read; values: settings."""
+    papers = entries.papers(workspace)
     return [
         _answer(papers[key], asked, claims, results, values)
         for key, asked in content["answers"].items()

@@ -52,7 +52,8 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     data = {name: data_of(name, block) for name, block in values.items() if name in shown}
     speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
     failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
-    found = answers.answers(workspace, judged, one_table.results(workspace, one_table.of_own_logs(values)), content)
+    results = one_table.results(workspace, one_table.of_own_logs(values))
+    found = answers.answers(workspace, judged, results, content, values)
     ratios.chart(workspace.reports / answers.CHART, {one.heading: one.points for one in found}, BAND)
     answers.write_readme(workspace, found)
     papers = entries.papers(workspace)

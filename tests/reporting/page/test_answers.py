@@ -14,6 +14,7 @@ from pipeline.scoring import one_table
 from pipeline.scoring.claim_inputs import COLUMNS, FULL, LOOK
 
 CONTENT = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
+VALUES = params.load(Workspace(ROOT).params)
 ERRORS = {"constant": 17.0, "linear_array": 14.0, "lomp": 8.0, "lomp_stream": 9.0, "convlstm": 10.0}
 
 
@@ -59,7 +60,7 @@ def reported(workspace):
 def test_a_table_and_findings_say_the_evidence(reported):
     results = of_touch(FULL, lomp_stream=172.0, lomp=8.4)
     verdicts = {"lomp/rmse-double-lomp": "near", "lomp/lomp-best-double": "reproduced"}
-    touch, strain, _ = answers.answers(reported, judged(**verdicts), results, CONTENT)
+    touch, strain, _ = answers.answers(reported, judged(**verdicts), results, CONTENT, VALUES)
     (row,) = (row for row in touch.table.rows if row[0] == "LoMP")
     assert row[4] == "7.49" and row[5].startswith("8.20 [") and row[6] == "near"
     assert "random windows" in touch.basis and "2 seeds" in touch.basis and "budget full" in touch.basis
@@ -74,7 +75,7 @@ def test_a_table_and_findings_say_the_evidence(reported):
 
 
 def test_the_look_is_no_evidence(reported):
-    touch, *_ = answers.answers(reported, judged(), of_touch(LOOK), CONTENT)
+    touch, *_ = answers.answers(reported, judged(), of_touch(LOOK), CONTENT, VALUES)
     assert all(len(row) == 3 for row in touch.table.rows), "a model and what the paper prints"
     assert [one.text for one in touch.findings][0] == "Not computed yet: LoMP is Best."
     assert all("ot computed yet" in one.text for one in touch.findings)
@@ -82,9 +83,9 @@ def test_the_look_is_no_evidence(reported):
 
 def test_readme_says_what_the_committed_reports_give(reported):
     workspace = Workspace(ROOT)
-    results = one_table.results(workspace, one_table.of_own_logs(params.load(workspace.params)))
+    results = one_table.results(workspace, one_table.of_own_logs(VALUES))
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    found = answers.answers(workspace, claims.read(workspace), results, CONTENT)
+    found = answers.answers(workspace, claims.read(workspace), results, CONTENT, VALUES)
     (reported.root / "README.md").write_text(text, encoding="utf-8")
     answers.write_readme(reported, found)
     assert (reported.root / "README.md").read_text(encoding="utf-8") == text, "run `python -m pipeline.stages.page`"
