@@ -65,7 +65,10 @@ class Absent(Exception):
 def answers(
     workspace: Workspace, claims: pd.DataFrame, results: Results, content: Mapping, values: Mapping
 ) -> list[Answer]:
-    """Return the answer of each paper whose simulated experiment is reported; claims: as of page.claims.read; values: settings."""
+    """Return the answer of each paper whose simulated experiment is reported.
+
+    claims: as of page.claims.read; values: all settings.
+    """
     papers = entries.papers(workspace)
     return [
         _answer(papers[key], asked, claims, results, values)
