@@ -194,8 +194,9 @@ def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, 
         for model, row in cells.items():
             printed, place = scores.printed(condition, model), asked["claims"].format(condition=condition, model=model)
             row.append(number(printed))
+            run = (protocol, condition, model, "", asked.get("variants", {}).get(place, ""))
             try:
-                ours, runs = scores.estimate(protocol, condition, model), scores.runs(protocol, condition, model)
+                ours, runs = scores.estimate(*run), scores.runs(*run)
                 seeds.add(len(runs))
                 row.append(interval(ours))
                 points[title].append(Point(model, error(printed), error(ours.mean), [*map(error, runs)]))
