@@ -132,7 +132,9 @@ def draw_frames(workspace: Workspace, folder: Path, settings: Mapping) -> bool:
     frames = {dataset: glove_results.read_frames(workspace, dataset, compared) for dataset in FRAMES_OF}
     frames = {dataset: rows for dataset, rows in frames.items() if len(rows)}
     if frames:
-        draw_by_frames(folder / "figure15.png", frames, "Figure 15 on the simulated glove: several frames of a session")
+        gloves = max(rows["seed"].nunique() for rows in frames.values())
+        number = "one simulated glove" if gloves == 1 else f"{gloves} simulated gloves"
+        draw_by_frames(folder / "figure15.png", frames, f"Figure 15 on {number}: several frames of a session")
         together = pd.concat([rows.assign(condition=dataset) for dataset, rows in frames.items()])
         files.write_table(folder / "figure15.csv", together)
     return bool(frames)

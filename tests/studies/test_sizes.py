@@ -105,6 +105,19 @@ def test_failed_runs_are_said_in_table_and_figure(tmp_path):
     assert pictures[0] == pictures[1]
 
 
+def test_intervals_of_the_figure_are_those_of_the_table(tmp_path, monkeypatch):
+    """Those of a precision are no mirror image about their mean, and an error of 100 % less it turns them round."""
+    judged = sizes_verdicts.judge(
+        runs("sp_resnet", "macro_precision", "1", {0.5: [0.7, 0.95, 0.9], 1: [0.8, 0.9, 0.85]})
+    )
+    seen = []
+    monkeypatch.setattr(sizes_figures.style, "save", lambda figure, path: seen.append(figure))
+    sizes_figures.curves(tmp_path / "one.png", "Glove", judged, {("sp_resnet", "single"): Reference(99.0, NAN)})
+    (bars,) = seen[0].axes[0].containers
+    drawn = [segment[:, 1] for segment in bars[2][0].get_segments()]
+    assert drawn == [pytest.approx([100 * (1 - row.high), 100 * (1 - row.low)]) for row in judged.itertuples()]
+
+
 def test_full_width_is_the_published_network():
     x = torch.randn(2, 1, 32, 32)
     networks = []

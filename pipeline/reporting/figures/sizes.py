@@ -42,7 +42,8 @@ def _panel(ax: plt.Axes, family: str, ladder: pd.DataFrame, reference: Reference
     scale, metric = SCALES[family], ladder.iloc[0]["metric"]
     across = ladder["size" if family == "window" else "params"].to_numpy(float)
     value, low, high = (error_of(ladder[column], metric).to_numpy(float) for column in ("value", "low", "high"))
-    spread = np.abs(np.array([value - low, high - value]))  # an error of 1 - a fraction swaps low and high
+    low, high = np.minimum(low, high), np.maximum(low, high)  # an error of 1 - a fraction swaps them
+    spread = np.array([value - low, high - value])
     spread[0] = np.minimum(spread[0], 0.95 * value)  # the axis is logarithmic
     spread = np.nan_to_num(spread)
     handles["mean over seeds, 95 % interval"] = ax.errorbar(
