@@ -32,6 +32,7 @@ BAND = 0.15  # of a printed error: a number that matches differs by less, a near
 RANKS = 0.5  # rank correlation of an order with the printed one
 ALPHA = (1 - results.CONFIDENCE) / 2  # of one side
 DRAWS = 1000  # of a power
+NOTHING = "there are no values to compare"
 Values, Printed = Mapping[str, pd.Series], Mapping[str, float]
 
 
@@ -67,8 +68,8 @@ def interval(values: pd.Series, scale: str = results.PLAIN) -> results.Estimate:
         low, high = np.quantile(values, (ALPHA, 1 - ALPHA))
         return results.Estimate(float(values.mean()), float(low), float(high), len(values), 0)
     mean = results.estimate(values.dropna(), scale)
-    if mean.runs < 2:
-        problem = "one run has no interval" if mean.runs else "there are no values to compare"
+    if mean.runs < results.FEWEST:
+        problem = f"{mean.runs} of the {results.FEWEST} runs that an interval needs" if mean.runs else NOTHING
         raise Open(problem, mean.mean, mean.runs)
     if np.isnan(mean.low):
         problem = f"all {mean.runs} runs have one value, {mean.mean:.4g}, which tells nothing of their spread"
@@ -190,7 +191,7 @@ def within(values: Values, printed: Printed, *, around: float, margin: float) ->
 def place(values: Values, printed: Printed) -> Judgement:
     """Judge a place in an order, a whole number: it is nearer to the printed one than to another."""
     runs, published = only(values).dropna(), only(printed)
-    if len(runs) > 1 and runs.nunique() == 1:
+    if len(runs) >= results.FEWEST and runs.nunique() == 1:
         verdict = REPRODUCED if runs.iloc[0] == published else CONTRADICTED
         return Judgement(runs.iloc[0], np.nan, np.nan, verdict, "in every run", len(runs))
     return replace(within(values, printed, around=published, margin=0.5), power=np.nan)
@@ -201,7 +202,7 @@ def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgemen
     frame = pd.DataFrame(values).dropna()
     printed_ranks = stats.rankdata([printed[name] for name in frame])
     correlation = frame.rank(axis=1).apply(lambda ranks: np.corrcoef(ranks, printed_ranks)[0, 1], axis=1)
-    if len(correlation) > 1 and np.ptp(correlation) < results.SAME:  # one order in every run
+    if len(correlation) >= results.FEWEST and np.ptp(correlation) < results.SAME:  # one order in every run
         verdict = REPRODUCED if correlation.iloc[0] > limit else CONTRADICTED
         return Judgement(correlation.iloc[0], np.nan, np.nan, verdict, "in every run", len(correlation))
     mean = interval(correlation)
@@ -265,7 +266,7 @@ def _power(
     """
     frame = pd.DataFrame(values).dropna()
     centre = np.array([printed[name] for name in frame])
-    if len(frame) < 2 or not np.isfinite(centre).all():
+    if len(frame) < results.FEWEST or not np.isfinite(centre).all():
         return np.nan
     if frame.index.name == DRAW:
         off = (frame - frame.mean()).to_numpy()

@@ -109,8 +109,9 @@ def evidence(workspace: Workspace) -> dict[str, list[Run]]:
     times["budget"] = [budget for *_, budget in named]
     trained = pd.concat([times, times.assign(budget=NO_EPOCHS)]).groupby(OF)["train_s"].mean()
     rows = rows[(rows["variant"] == "") & ~rows["metric"].str.endswith(units.SUFFIX)]
-    means = rows.groupby([*OF, *SCORE], sort=False)["value"].mean().reset_index()
-    means = dict(list(means.groupby(OF)))
+    of_runs = rows.groupby([*OF, *SCORE], sort=False)["value"]
+    means = [(*key, results.estimate(runs, results.scale_of(key[-2])).mean) for key, runs in of_runs]
+    means = dict(list(pd.DataFrame(means, columns=[*OF, *SCORE, "value"]).groupby(OF)))
     runs: dict[str, list[Run]] = {}
     for key, group in rows.groupby(OF):
         each = [(row.condition, row.metric, int(row.seed), row.value) for row in group.itertuples()]

@@ -23,7 +23,7 @@ from pipeline.scenes import glove as glove_scene
 from pipeline.scoring import glove_results
 from pipeline.scoring.glove_results import COMPARED, MOST_CONFUSED
 from pipeline.scoring.published import METHODS, precision, precision_gain
-from pipeline.scoring.results import SHARE, estimate, read_windows
+from pipeline.scoring.results import PLAIN, SHARE, estimate, read_windows
 
 METRICS = ("macro_precision", "accuracy")
 FRAMES_OF = ("combined", "pressure")  # datasets of figure 15
@@ -154,7 +154,7 @@ def draw_by_frames(path: Path, tables: Mapping[str, pd.DataFrame], title: str) -
             panels[name].append(common.line(model, values, label=said, **dotted))
             ticks |= set(runs["frames"])
     names = ("Number of input frames", "Macro precision (%), mean and seeds")
-    common.curves(path, panels, title, names, limits=(None, 101), ticks=sorted(ticks))
+    common.curves(path, panels, title, names, PLAIN, limits=(None, 101), ticks=sorted(ticks))
 
 
 def draw_laws(folder: Path, settings: Mapping) -> None:

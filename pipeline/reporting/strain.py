@@ -18,7 +18,7 @@ from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import plain
 from pipeline.scenes.strain import drift_at_samples
 from pipeline.scoring.one_table import Results
-from pipeline.scoring.results import Estimate, read_predictions, read_windows
+from pipeline.scoring.results import LOG, Estimate, read_predictions, read_windows
 from pipeline.scoring.strain_results import TIME_BINS, errors_by_time, read_latents, read_study, tested_rows
 
 STUDIES = ("samples", "drift", "capacity", "strands", "bases")
@@ -114,7 +114,7 @@ def draw_time(workspace: Workspace, path: Path, settings: Mapping, dataset: pa.T
             values = dict(zip(minutes, errors.T, strict=True))
             panels[plain(task)].append(common.line(model, values))
     title, names = "Error against time since training ended", ("Time since training ended (min)", ERROR)
-    common.curves(path, panels, title, names, limits=(0, None))
+    common.curves(path, panels, title, names, LOG, limits=(0, None))
 
 
 def errors_beyond(results: Results, models: Iterable[str], settings: Mapping) -> pd.DataFrame:
@@ -170,7 +170,7 @@ def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFram
                 floor = [report.estimate(task, task, "constant", "error").mean]
                 lines.append(common.line("constant", dict.fromkeys(ticks, floor), marker=""))
             panels[plain(task)] = lines
-        common.curves(folder / f"{name}.png", panels, title, (xlabel, ERROR), log=True, ticks=ticks)
+        common.curves(folder / f"{name}.png", panels, title, (xlabel, ERROR), LOG, log=True, ticks=ticks)
     if "drift" not in studies:
         return
     decoders: dict[str, dict[str, dict[str, pd.Series]]] = {}

@@ -10,7 +10,6 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 from scipy import stats
-from scipy.special import expit, logit
 
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
@@ -18,23 +17,30 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, schemas
 
 CONFIDENCE = 0.95
+FEWEST = 3  # runs of an interval: that of two is 13 standard deviations wide to either side
 SAME = 1e-12  # relative: runs closer to one another have one value
 PLAIN, SHARE, R2, LOG = "", "share", "r2", "log"  # scales of values
-EDGE = 1e-3  # a share nearer to a bound counts as this far from it: one test item in a thousand
+LEAST_MISSING = 1e-6  # to an R2 of 1, whose logarithm has no end
 SHARES = ("accuracy", "macro_precision", "touches_found")  # metrics from 0 to 1
-ERRORS = ("rmse", "error", "location_error", "force_rmse", "press_error")  # metrics above 0
+ERRORS = ("rmse", "error")  # how the names of metrics end that are above 0
 # Scale -> the function that its values are near a normal distribution by, and its inverse.
 SCALES: dict[str, tuple[Callable, Callable]] = {
     PLAIN: (np.asarray, np.asarray),
-    SHARE: (lambda share: logit(np.clip(share, EDGE, 1 - EDGE)), expit),
+    SHARE: (
+        lambda share: np.arcsin(np.sqrt(np.clip(share, 0, 1))),
+        lambda angle: np.square(np.sin(np.clip(angle, 0, np.pi / 2))),
+    ),
     LOG: (np.log, np.exp),  # of errors and their ratios, which are above 0
-    R2: (lambda r2: np.log(np.maximum(1 - r2, EDGE)), lambda missing: 1 - np.exp(missing)),
+    R2: (lambda r2: np.log(np.maximum(1 - r2, LEAST_MISSING)), lambda missing: 1 - np.exp(missing)),
 }
 MISSING = ("", "nan")  # how the stages write a value that there is not
 
 
 class Estimate(NamedTuple):
-    """Mean over the runs that did not fail, with its t interval; NaN where too few runs are left."""
+    """Mean over the runs that did not fail, on the scale of the metric, with its t interval; NaN where there is none.
+
+    Of errors and their ratios it is the geometric mean, about the median run.
+    """
 
     mean: float
     low: float
@@ -47,29 +53,31 @@ class Estimate(NamedTuple):
         return self._replace(mean=100 * self.mean, low=100 * self.low, high=100 * self.high)
 
 
-def estimate(values: Sequence[float], scale: str = "", trials: int = 0) -> Estimate:
+def estimate(values: Sequence[float], scale: str = PLAIN) -> Estimate:
     """Return mean and 95 % interval of one value per run; a run has failed where its value is not finite.
 
-    scale: PLAIN, for a t interval of the values; LOG (above 0), SHARE (0 to 1) or R2 (up to 1), for one of their
-    logarithms, of their logits, or of the logarithms of what is missing to 1, turned back, so that it stays inside the
-    bounds. Runs that all have one value
-    tell nothing of their spread: they have no interval, but for shares of `trials`, and for shares at a bound, as of as
-    many trials as there are runs (`binomial`).
+    Both are of the values on their scale, turned back, so that the interval is that of the number beside it and stays
+    inside the bounds. scale: PLAIN; LOG (above 0), of logarithms; SHARE (0 to 1), of the arcsines of square roots
+    (Anscombe 1948), which shares of 0 and 1 have, too; R2 (up to 1), of the logarithms of what is missing to 1.
+
+    Fewer than FEWEST runs have no interval. Runs that all have one value tell nothing of their spread: they have none
+    either, but for shares at a bound, as of as many trials as there are runs (`binomial`).
     """
     values = np.asarray(values, dtype=float)
     good = values[np.isfinite(values)]
     n, failed = len(good), len(values) - len(good)
     if n == 0:
         return Estimate(np.nan, np.nan, np.nan, 0, failed)
-    mean = float(good.mean())
-    if n == 1 or np.ptp(good) <= SAME * np.abs(good).max():
-        known = n > 1 and scale == SHARE and (trials or mean in (0.0, 1.0))
-        return Estimate(mean, *(binomial(mean, trials or n) if known else (np.nan, np.nan)), n, failed)
+    one_value = np.ptp(good) <= SAME * np.abs(good).max()
+    if one_value and scale == SHARE and n >= FEWEST and (share := float(good[0])) in (0, 1):
+        return Estimate(share, *binomial(share, n), n, failed)
     there, back = SCALES[PLAIN if scale == LOG and good.min() <= 0 else scale]
     seen = there(good)
-    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * seen.std(ddof=1) / np.sqrt(n))
-    low, high = sorted(float(back(seen.mean() + side * half)) for side in (-1, 1))
-    return Estimate(mean, min(low, mean), max(high, mean), n, failed)
+    half = np.nan
+    if n >= FEWEST and not one_value:
+        half = stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * seen.std(ddof=1) / np.sqrt(n)
+    mean, *ends = (float(back(seen.mean() + off)) for off in (0, -half, half))
+    return Estimate(mean, min(ends), max(ends), n, failed)
 
 
 def binomial(share: float, trials: int) -> tuple[float, float]:
@@ -80,7 +88,7 @@ def binomial(share: float, trials: int) -> tuple[float, float]:
 
 def scale_of(metric: str) -> str:
     """Return the scale of a metric's values, for `estimate`."""
-    return SHARE if metric in SHARES else LOG if metric in ERRORS else R2 if "r2" in metric else PLAIN
+    return SHARE if metric in SHARES else LOG if metric.endswith(ERRORS) else R2 if "r2" in metric else PLAIN
 
 
 def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:

@@ -115,7 +115,7 @@ def judged(claim: str, **changes) -> rules.Judgement:
             UNDECIDED,
             "1 of 3 runs failed: Polynomial (press, double)",
         ),
-        ("nonlinear-single", {"poly_single": [6.0], "linear_single": [8.0]}, UNDECIDED, "one run has no interval"),
+        ("nonlinear-single", {"poly_single": [6.0], "linear_single": [8.0]}, UNDECIDED, "1 of the 3 runs"),
         ("nonlinear-single", {"poly_single": [6.0] * 3, "linear_single": [8.0] * 3}, UNDECIDED, "one value, 2,"),
     ],
 )

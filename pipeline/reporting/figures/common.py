@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import MEASURED, model_style
 from pipeline.reporting.words.labels import model_name
-from pipeline.scoring.results import Fit
+from pipeline.scoring import results
 
 LOOKS = ((style.BLUE, "-"), (style.VERMILION, "--"), (style.BLACK, ":"))  # of groups of runs
 GAP = 3.0  # median intervals; no line is drawn over a longer one
@@ -25,7 +25,7 @@ def legend_below(figure: plt.Figure, handles: Mapping[str, Any], columns: int) -
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=max(1, min(columns, len(handles))))
 
 
-def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[Fit]]], title: str, unit: str) -> None:
+def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[results.Fit]]], title: str, unit: str) -> None:
     """Draw validation loss over the epochs, one panel per model, one line per seed, the kept epoch marked.
 
     fits: model -> group of runs -> one fit per seed; models without epochs are left out. Where there is one group, its
@@ -84,11 +84,14 @@ def curves(
     panels: Mapping[str, Sequence[Line]],
     title: str,
     names: tuple[str, str],
+    scale: str,
     log: bool = False,
     limits: tuple[float | None, float | None] = (None, None),
     ticks: Sequence[float] = (),
 ) -> None:
     """Draw lines of means and their seeds as dots, one panel per title; names: of both axes; limits: of y; ticks: of x.
+
+    scale: of the values, as of `results.estimate`.
 
     An interval of few seeds would hide the lines, and on a logarithmic axis leave it. A failed run, NaN, has no dot.
     """
@@ -97,7 +100,7 @@ def curves(
     for ax, (panel, lines) in zip(axes[0], panels.items(), strict=True):
         for label, x, values, look in lines:
             good = [np.asarray(seeds, float)[np.isfinite(seeds)] for seeds in values]
-            mean = [seeds.mean() if len(seeds) else np.nan for seeds in good]
+            mean = [results.estimate(seeds, scale).mean for seeds in good]
             (handles[label],) = ax.plot(x, mean, markersize=5, **look)
             dots = np.repeat(x, list(map(len, good))), np.concatenate(good)
             ax.plot(*dots, ".", color=look["color"], alpha=0.5, markersize=4, zorder=1)
@@ -119,9 +122,10 @@ def curves(
 def bars(
     path: Path, panels: Mapping[str, Mapping[str, Mapping[str, Sequence[float]]]], title: str, name: str, limits: tuple
 ) -> None:
-    """Draw bars of means and their seeds as dots; panels: title -> group along x -> bar -> seeds; name, limits: of y.
+    """Draw bars of means of R2 and their seeds as dots; panels: title -> group along x -> bar -> seeds.
 
-    A seed below the axis is a triangle at its lower edge, and a mean there is a bar to the edge with its number.
+    name, limits: of y. A seed below the axis is a triangle at its lower edge, and a mean there is a bar to the edge
+    with its number.
     """
     figure, axes = style.panels(len(panels), len(panels), 4.6 * len(panels), 3.7, 0, sharey=True)
     for ax, (panel, groups) in zip(axes[0], panels.items(), strict=True):
@@ -130,7 +134,7 @@ def bars(
         for k, (bar, colour) in enumerate(zip(kinds, (style.GREY, style.BLUE, style.VERMILION), strict=False)):
             seeds, edge = [np.asarray(of[bar], float) for of in groups.values()], 0.8 * limits[0]
             place = np.arange(len(groups)) + (k - (len(kinds) - 1) / 2) * width
-            means = np.array([values.mean() for values in seeds])
+            means = np.array([results.estimate(values, results.R2).mean for values in seeds])
             ax.bar(place, np.maximum(means, edge), width, color=colour, alpha=0.75, label=bar)
             for x, mean in zip(place[means < edge], means[means < edge], strict=True):
                 ax.text(x, edge / 2, f"\N{MINUS SIGN}{-mean:.1f}", ha="center", va="center", fontsize="small")
