@@ -60,6 +60,8 @@ def precision_on(place: torch.device, asked: str) -> str:
         has_bfloat16 = torch.cuda.is_bf16_supported(including_emulation=False)
     else:
         has_bfloat16 = any(torch.cpu.get_capabilities().get(name) for name in BFLOAT16_INSTRUCTIONS)
+        # ONEDNN_MAX_CPU_ISA may hold oneDNN, which computes the products, to older instructions.
+        has_bfloat16 = has_bfloat16 and torch.ops.mkldnn._is_mkldnn_bf16_supported()
     return asked if has_bfloat16 else "float32"
 
 

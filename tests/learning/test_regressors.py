@@ -123,6 +123,7 @@ def test_windows_that_are_all_at_rest_are_trained_on_too():
 @pytest.fixture
 def processor(monkeypatch):
     """Gives the processor instructions for bfloat16 or takes them away; without them torch computes it all the same."""
+    monkeypatch.setattr(torch.ops.mkldnn, "_is_mkldnn_bf16_supported", lambda: True)
     return lambda has: monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": has})
 
 

@@ -79,6 +79,10 @@ def test_a_schedule_sets_the_rate_of_all_weights():
 def test_bfloat16_is_had_where_the_processor_has_instructions_for_it(instructions, monkeypatch):
     cpu = torch.device("cpu")
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx2": True, instructions: True})
+    monkeypatch.setattr(torch.ops.mkldnn, "_is_mkldnn_bf16_supported", lambda: True)
     assert (precision_on(cpu, "bfloat16"), precision_on(cpu, "float32")) == ("bfloat16", "float32")
+    monkeypatch.setattr(torch.ops.mkldnn, "_is_mkldnn_bf16_supported", lambda: False)
+    assert precision_on(cpu, "bfloat16") == "float32"
+    monkeypatch.setattr(torch.ops.mkldnn, "_is_mkldnn_bf16_supported", lambda: True)
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx2": True, instructions: False})
     assert precision_on(cpu, "bfloat16") == "float32"
