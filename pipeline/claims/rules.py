@@ -84,9 +84,19 @@ def only(values: Mapping[str, object]):
 
 
 def doubt(values: pd.Series, limit: float, scale: str, side: str) -> float:
-    """Return the p value of a mean not on the side of a limit, `less` or `greater` (t test, or share of draws)."""
+    """Return the p value of a mean not on the side of a limit, `less` or `greater`: that of the test of its interval.
+
+    A t test, for shares a binomial test of the effective trials; of draws their share beyond the limit.
+    """
     if values.index.name == DRAW:
         return float(((values >= limit) if side == "less" else (values <= limit)).mean())
+    if scale == results.SHARE:
+        shares = values.dropna().to_numpy()
+        trials = float(results.effective_trials(shares))
+        hits, misses = trials * shares.mean(), trials * (1 - shares.mean())
+        if side == "less":
+            return float(stats.beta.sf(limit, hits + 1, misses))
+        return float(stats.beta.cdf(limit, hits, misses + 1))
     there, _ = results.SCALES[scale]
     rises = np.sign(there(limit + 0.01) - there(limit))
     return float(stats.ttest_1samp(rises * there(values.dropna()), rises * there(limit), alternative=side).pvalue)
@@ -275,9 +285,8 @@ def _power(
     seen = there(frame.to_numpy())
     drawn = np.random.default_rng(0).standard_normal((DRAWS, n, n))
     samples = there(centre) + drawn @ (seen - seen.mean(axis=0)) / np.sqrt(n - 1)
-    half = stats.t.ppf(1 - ALPHA, n - 1) * samples.std(axis=1, ddof=1) / np.sqrt(n)
-    ends = back(samples.mean(axis=1) - half), back(samples.mean(axis=1) + half)
-    return float(goal(np.minimum(*ends), np.maximum(*ends)).mean())
+    _, low, high = results.intervals(back(samples).swapaxes(0, 1), scale)
+    return float(goal(low, high).mean())
 
 
 Rule = Callable[..., Judgement]

@@ -60,7 +60,7 @@ def shown(section: Section) -> tuple[str, str, str, str]:
     rows.append(["mean", "", *(cell(validate.over_tests(tested, CHOSEN, metric)) for metric in every)])
     by_test = table(["Test", "Chosen", *(heads.get(metric, metric) for metric in every)], rows)
     count = f"{len(tested.chosen)} tests{' of one group' if tested.groups == 1 else ''}"
-    over = f"Intervals are 95 % t intervals over the {count}."
+    over = f"Means (of RMSE and widths geometric) and their 95 % intervals are over the {count}."
     if tested.groups < validate.FEWEST:
         over = f"How far the scores would differ with other groups, {count} cannot tell: there is no interval."
     kinds = windows.classes if section.target.kind == "class" else []

@@ -19,8 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from pipeline.scoring.results import CONFIDENCE, clopper_pearson
+
 LEVEL = 0.9  # share of truths that an interval is to hold
-CONFIDENCE = 0.95  # of the interval of a measured coverage
 PLAUSIBLE = (0.86, 0.94)  # a measured coverage outside is flagged
 ROUNDING = 1e-9  # of sums of weights: 9 / 10 reaches 0.9
 
@@ -128,10 +129,8 @@ def coverage(inside: np.ndarray, groups: np.ndarray | None = None) -> Coverage:
         return Coverage(np.nan, np.nan, np.nan, 0, 0)
     _, place = np.unique(np.arange(len(inside)) if groups is None else groups, return_inverse=True)
     shares = np.bincount(place, weights=inside) / np.bincount(place)
-    n, hits, tail = len(shares), float(shares.sum()), (1 - CONFIDENCE) / 2
-    low = stats.beta.ppf(tail, hits, n - hits + 1) if hits > 0 else 0.0
-    high = stats.beta.ppf(1 - tail, hits + 1, n - hits) if hits < n - ROUNDING else 1.0
-    return Coverage(hits / n, float(low), float(high), n, len(inside))
+    n, share = len(shares), float(shares.mean())
+    return Coverage(share, *map(float, clopper_pearson(share, n)), n, len(inside))
 
 
 def expected(calibrated: int, tested: int, level: float = LEVEL) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from pipeline.datasets import fits, schemas
 
 CONFIDENCE = 0.95
 FEWEST = 3  # runs of an interval: that of two is 13 standard deviations wide to either side
+ROUNDING = 1e-9  # of sums of shares
 SAME = 1e-12  # relative: runs closer to one another have one value
 PLAIN, SHARE, R2, LOG = "", "share", "r2", "log"  # scales of values
 LEAST_MISSING = 1e-6  # to an R2 of 1, whose logarithm has no end
@@ -37,10 +38,7 @@ MISSING = ("", "nan")  # how the stages write a value that there is not
 
 
 class Estimate(NamedTuple):
-    """Mean over the runs that did not fail, on the scale of the metric, with its t interval; NaN where there is none.
-
-    Of errors and their ratios it is the geometric mean, about the median run.
-    """
+    """Mean over the runs that did not fail, with its 95 % interval, see `estimate`; NaN where there is none."""
 
     mean: float
     low: float
@@ -56,34 +54,67 @@ class Estimate(NamedTuple):
 def estimate(values: Sequence[float], scale: str = PLAIN) -> Estimate:
     """Return mean and 95 % interval of one value per run; a run has failed where its value is not finite.
 
-    Both are of the values on their scale, turned back, so that the interval is that of the number beside it and stays
-    inside the bounds. scale: PLAIN; LOG (above 0), of logarithms; SHARE (0 to 1), of the arcsines of square roots
-    (Anscombe 1948), which shares of 0 and 1 have, too; R2 (up to 1), of the logarithms of what is missing to 1.
+    scale: PLAIN, of the values; LOG (above 0), of their logarithms; R2 (up to 1), of the logarithms of what is missing
+    to 1: the mean of these and its t interval, both turned back, so that of errors and ratios it is the geometric mean.
+    SHARE (0 to 1): the mean of the values and the interval of `share_interval`.
 
     Fewer than FEWEST runs have no interval. Runs that all have one value tell nothing of their spread: they have none
-    either, but for shares at a bound, as of as many trials as there are runs (`binomial`).
+    either, but for shares at a bound, as of as many trials as there are runs.
     """
     values = np.asarray(values, dtype=float)
     good = values[np.isfinite(values)]
     n, failed = len(good), len(values) - len(good)
     if n == 0:
         return Estimate(np.nan, np.nan, np.nan, 0, failed)
+    scale = PLAIN if scale == LOG and good.min() <= 0 else scale
+    mean, low, high = map(float, intervals(good, scale))
     one_value = np.ptp(good) <= SAME * np.abs(good).max()
-    if one_value and scale == SHARE and n >= FEWEST and (share := float(good[0])) in (0, 1):
-        return Estimate(share, *binomial(share, n), n, failed)
-    there, back = SCALES[PLAIN if scale == LOG and good.min() <= 0 else scale]
-    seen = there(good)
-    half = np.nan
-    if n >= FEWEST and not one_value:
-        half = stats.t.ppf((1 + CONFIDENCE) / 2, n - 1) * seen.std(ddof=1) / np.sqrt(n)
-    mean, *ends = (float(back(seen.mean() + off)) for off in (0, -half, half))
-    return Estimate(mean, min(ends), max(ends), n, failed)
+    if n < FEWEST or one_value:
+        at_bound = n >= FEWEST and scale == SHARE and mean in (0, 1)
+        low, high = map(float, clopper_pearson(mean, n)) if at_bound else (np.nan, np.nan)
+    return Estimate(mean, low, high, n, failed)
 
 
-def binomial(share: float, trials: int) -> tuple[float, float]:
-    """Return the exact 95 % interval of a share of so many trials (Clopper and Pearson 1934)."""
-    low, high = stats.binomtest(round(share * trials), trials).proportion_ci(CONFIDENCE, "exact")
-    return float(low), float(high)
+def intervals(values: np.ndarray, scale: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return mean, low and high, each (...), of runs (n, ...); `estimate` says where there is no interval."""
+    if scale == SHARE:
+        mean = values.mean(axis=0)
+        return mean, *clopper_pearson(mean, effective_trials(values))
+    there, back = SCALES[scale]
+    seen = there(values)
+    mean, half = seen.mean(axis=0), student(len(values)) * error_of_mean(seen)
+    ends = back(mean - half), back(mean + half)
+    return back(mean), np.minimum(*ends), np.maximum(*ends)
+
+
+def student(runs: int) -> float:
+    """Return how many standard errors a 95 % t interval reaches to either side; NaN for one run."""
+    return float(stats.t.ppf((1 + CONFIDENCE) / 2, runs - 1))
+
+
+def error_of_mean(values: np.ndarray) -> np.ndarray:
+    """Return the standard error (...) of the mean of runs (n, ...); NaN for one run."""
+    return values.std(axis=0, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.full(values.shape[1:], np.nan)
+
+
+def effective_trials(shares: np.ndarray) -> np.ndarray:
+    """Return how many trials tell a share as well as the mean of runs (n, ...) does, (...); 0 where these are alike.
+
+    As many as have the variance of that mean, fewer for the few runs that tell it (Korn and Graubard 1998, Confidence
+    intervals for proportions with small expected number of positive counts). Trials in one run need not be independent.
+    """
+    mean, half = shares.mean(axis=0), student(len(shares)) * error_of_mean(shares)
+    trials = np.zeros_like(mean)
+    normal = stats.norm.ppf((1 + CONFIDENCE) / 2)
+    return np.divide(normal**2 * mean * (1 - mean), np.square(half), out=trials, where=half > 0)
+
+
+def clopper_pearson(share: np.ndarray | float, trials: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the exact 95 % interval of shares (...) of so many trials (Clopper and Pearson 1934), whole or not."""
+    tail, hits = (1 - CONFIDENCE) / 2, np.multiply(share, trials)
+    misses = np.maximum(trials - hits, 0)
+    low = np.where(hits > 0, stats.beta.ppf(tail, hits, misses + 1), 0)
+    return low, np.where(misses > ROUNDING, stats.beta.ppf(1 - tail, hits + 1, misses), 1)
 
 
 def scale_of(metric: str) -> str:

@@ -1,8 +1,9 @@
 """A number of the sheet with its interval, or why the logs cannot tell it.
 
 Every quantity is a function of ratios of sums over independent units, such as presses: means, slopes of least squares,
-variances. A resample weighs the units, so that a thousand of them are one product of matrices (Efron and Tibshirani, An
-Introduction to the Bootstrap, 1993, chapter 13: percentile intervals).
+variances. A resample weighs the units, so that a thousand of them are one product of matrices. Intervals are expanded
+percentile intervals (Hesterberg 2015, What Teachers Should Know About the Bootstrap, section 5.2): plain ones are too
+narrow for few units. Of 8 units that are normally distributed plain ones hold the mean in 0.88 of cases, these in 0.94.
 """
 
 from collections.abc import Callable
@@ -10,13 +11,14 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from pipeline.datasets.seeding import generator
 
 RESAMPLES = 1000
 LEVEL = 95  # % of an interval
 FEWEST = 3  # units that a number is of
-FEWEST_FOR_INTERVAL = 5
+FEWEST_FOR_INTERVAL = 8  # of 5, 95 % intervals hold the mean in 0.91 of cases
 MOST_UNITS = 500  # that are resampled; of more, stretches of neighbours in time are
 
 
@@ -97,12 +99,13 @@ def ratio_of_sums(
 
 
 def interval(statistic: Callable[[np.ndarray], np.ndarray], units: int) -> tuple[float, float]:
-    """Return the percentile interval of a statistic of weighted units; it turns weights (m, units) into values (m,)."""
+    """Return the interval of a statistic of weighted units; it turns weights (m, units) into values (m,)."""
     found = statistic(resampled(units))
     found = found[np.isfinite(found)]
     if len(found) < RESAMPLES / 2:
         return np.nan, np.nan
-    return tuple(float(edge) for edge in np.percentile(found, [(100 - LEVEL) / 2, (100 + LEVEL) / 2]))
+    tail = stats.norm.cdf(np.sqrt(units / (units - 1)) * stats.t.ppf((100 - LEVEL) / 200, units - 1))
+    return tuple(float(edge) for edge in np.quantile(found, [tail, 1 - tail]))
 
 
 @cache

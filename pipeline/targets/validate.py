@@ -251,7 +251,7 @@ def covered(
 
 
 def over_tests(tested: Tested, model: str, metric: str) -> results.Estimate:
-    """Return mean and 95 % t interval of a score over tests; without an interval below FEWEST groups."""
+    """Return mean and 95 % interval of a score over tests; without an interval below FEWEST groups."""
     scores = tested.scores[(tested.scores["model"] == model) & (tested.scores["metric"] == metric)]
     found = results.estimate(scores["value"], SCALES.get(metric, results.SHARE))
     return found if min(found.runs, tested.groups) >= FEWEST else found._replace(low=np.nan, high=np.nan)

@@ -199,3 +199,13 @@ def test_a_glove_that_touches_nothing_tells_nothing():
     logs = [Log(f"none/{k}", "none", time, np.full((30, 4), 7.0), np.empty(0), np.empty((0, 2))) for k in range(6)]
     found = quantities.sheet(Sensor("hand", "counts", "", logs)).lines
     assert found["span"].value == 0 and not any(line.told for name, line in found.items() if name != "span")
+
+
+@pytest.mark.parametrize("units", [8, 12, 40])
+def test_an_interval_of_few_units_holds_the_truth_in_95_of_100_cases(units):
+    """A mean, as a ratio of sums; plain percentile intervals hold it in 0.88 cases of 8 units."""
+    rng = np.random.default_rng(units)
+    found = [estimates.ratio_of_sums(rng.normal(5, 1, (units, 1)), np.ones((units, 1)), "kPa") for _ in range(1500)]
+    assert 0.92 <= np.mean([one.low <= 5 <= one.high for one in found]) <= 0.97
+    fewer = estimates.ratio_of_sums(rng.normal(5, 1, (7, 1)), np.ones((7, 1)), "kPa")
+    assert np.isfinite(fewer.value) and np.isnan([fewer.low, fewer.high]).all()

@@ -26,7 +26,7 @@ from pipeline.reporting.words.markdown import interval, number
 from pipeline.scoring import published
 from pipeline.scoring.claim_inputs import LOOK
 from pipeline.scoring.one_table import Results
-from pipeline.scoring.results import SHARE, Estimate, estimate, scale_of
+from pipeline.scoring.results import LOG, SHARE, Estimate, estimate, scale_of
 
 CHART = "answers.png"  # in reports/
 MARKS = ("<!-- answers: written by `python -m pipeline.stages.page` -->", "<!-- end of answers -->")
@@ -203,8 +203,9 @@ def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, 
             except Absent:
                 row += [NOT_COMPUTED] if split else []
             row += [own["verdict"].get(asked.get("same", {}).get(place, place), "-")] if judged else []
+    mean = "geometric mean" if scale_of(scores.metric) == LOG else "mean"
     words = [f"{capitalised(scores.name)} in {asked['unit']}."]
-    words += [f"Ours: {split}, {_span(seeds)}, budget {at}, mean [95 % interval]." for split, at in said.items()]
+    words += [f"Ours: {split}, {_span(seeds)}, budget {at}, {mean} [95 % interval]." for split, at in said.items()]
     early = f"computed for {' and '.join(map(model_name, alone))} alone" if alone else NOT_COMPUTED
     words += [] if judged else [f"{capitalised(first)}: {early}, so no number here has a verdict."]
     heading = f"{', '.join(said)}\n{_span(seeds)}" if said else NOT_COMPUTED

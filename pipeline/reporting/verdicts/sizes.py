@@ -99,7 +99,7 @@ def verdict(excess: Estimate | None) -> str:
 
 
 def judge(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return JUDGED, one row per size: mean, 95 % t interval, and `chosen`, 1 for the smallest that is enough.
+    """Return JUDGED, one row per size: mean and 95 % interval, and `chosen`, 1 for the smallest that is enough.
 
     runs: ladders.COLUMNS, one row per run. The column `runs` of the result counts those that did not fail. The best
     size is enough, too.
