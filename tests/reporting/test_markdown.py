@@ -2,6 +2,7 @@
 
 import re
 from html import escape, unescape
+from urllib.parse import urlsplit
 
 import pytest
 from builders import own_logs
@@ -29,3 +30,12 @@ def test_a_name_in_a_table_is_shown_as_it_is(name):
 def test_a_name_in_a_sentence_is_shown_as_it_is(name):
     html = hypertext.markdown(f"- Object {markdown.literal(name)}.", "")
     assert f"Object {escape(name)}." in html
+
+
+@pytest.mark.parametrize(
+    "address", ["./javascript:alert(1)", "a/../javascript:alert(1)", "./data:text/html,x", ".//vbscript:x"]
+)
+def test_an_address_of_a_file_stays_one(address):
+    """markdown-it judges it as it is written; joined to a folder and normalised it must not become a program."""
+    (link,) = re.findall('href="([^"]*)"', hypertext.markdown(f"[x]({address})", ""))
+    assert not urlsplit(link).scheme

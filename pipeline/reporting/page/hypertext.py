@@ -102,8 +102,10 @@ def _table_open(renderer, tokens, place: int, options, environment) -> str:
 
 def linked(folder: str, target: str) -> str:
     """Return the address, from reports/index.html, of what a document in `folder` (below reports/) calls `target`."""
-    outside = urlsplit(target).scheme or target.startswith("#")
-    return target if outside else posixpath.normpath(posixpath.join(folder, target))
+    if urlsplit(target).scheme or target.startswith("#"):
+        return target
+    inside = posixpath.normpath(posixpath.join(folder, target))
+    return f"./{inside}" if ":" in inside else inside  # ./javascript:x is a file, javascript:x is run
 
 
 class _References(HTMLParser):

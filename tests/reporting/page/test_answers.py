@@ -63,7 +63,12 @@ def test_a_table_and_findings_say_the_evidence(reported):
     touch, strain, _ = answers.answers(reported, judged(**verdicts), results, CONTENT, VALUES)
     (row,) = (row for row in touch.table.rows if row[0] == "LoMP")
     assert row[4] == "7.49" and row[5].startswith("8.26 [") and row[6] == "near"
-    assert "random windows" in touch.basis and "3 seeds" in touch.basis and "geometric mean [95 % interval]" in touch.basis and "budget full" in touch.basis
+    assert (
+        "random windows" in touch.basis
+        and "3 seeds" in touch.basis
+        and "geometric mean [95 % interval]" in touch.basis
+        and "budget full" in touch.basis
+    )
     best, messages, linear, stream = touch.findings
     assert best.verdict == "reproduced" and "8.3 kPa" in best.text and "ConvLSTM, has 10.0 kPa" in best.text
     assert "less often than LoMP" in linear.text and "1.7 times LoMP's error" in linear.text
