@@ -27,13 +27,15 @@ from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
 from pipeline.inference import timing
-from pipeline.logs import alignment, diagnosis, layout, own_data, parse, rest, sniff
-from pipeline.logs.formats import LOGS
+from pipeline.logs import alignment, diagnosis, layout, no_measurement, own_data, parse, rest, shown, sniff
+from pipeline.logs.formats import DUPLICATE, LOGS
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
 from pipeline.reporting.figures import check as check_figures
 from pipeline.settings.targets import Asked
+from pipeline.sheet import quantities
+from pipeline.sheet import sources as sheet_sources
 from pipeline.targets import read as target_logs
 
 DRAWN = 3  # recordings in the picture
@@ -95,40 +97,52 @@ def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, parse
     return expected
 
 
+class Read(NamedTuple):
+    """One log of a recording."""
+
+    log: own_logs.Log | None  # as far as it can be read
+    problems: list[str]
+    proposal: Proposal | None  # where it is laid out in another way
+
+
+def read_one(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) -> Read:
+    """Read one log, or find out how it can be read."""
+    log, unusable, laid_out = None, False, layout.of(settings["ingest"], path.name)
+    try:
+        log = own_logs.read_one(path, fmt, laid_out)
+        own_logs.check_rejects(experiment, path, log, settings)
+        wrong = list(conventions(path, log, settings))
+    except InputError as error:
+        wrong = [str(error)]
+        unusable = True
+        if laid_out is None:
+            wrong = [unread(experiment, path, fmt, settings, log) or str(error)]
+    if not wrong:
+        return Read(log, [], None)
+    found = own_logs.proposed(experiment, path, fmt, settings, laid_out)
+    if isinstance(found, Proposal) and (unusable or found.layout != own_logs.PLAIN):
+        if (
+            found.layout != own_logs.PLAIN
+            and found.layout.items() >= own_logs.PLAIN.items()
+            and (found.layout.keys() <= {"separator", "scale", "offset", "time_unit"})
+        ):
+            return Read(log, [f"{wrong[0]}; or {own_logs.PASTE}"], found)
+        return Read(log, [f"{path}: {own_logs.LAID_OUT}"], found)
+    return Read(log, [found] if isinstance(found, str) else wrong, None)
+
+
 def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
     """Read one recording; what cannot be used becomes a problem, not an exception."""
     read, problems, proposals = {}, [], {}
     expected = formats(experiment, folder, settings)
     for name, fmt in expected.items():
-        path, laid_out = folder / name, layout.of(settings["ingest"], name)
+        path = folder / name
         if not path.is_file():
             problems.append(diagnosis.missing(path, fmt, expected))
             continue
-        unusable = False
-        try:
-            read[name] = own_logs.read_one(path, fmt, laid_out)
-            own_logs.check_rejects(experiment, path, read[name], settings)
-            wrong = list(conventions(path, read[name], settings))
-        except InputError as error:
-            wrong = [str(error)]
-            unusable = True
-            if laid_out is None:
-                wrong = [unread(experiment, path, fmt, settings, read.get(name)) or str(error)]
-        if not wrong:
-            continue
-        found = own_logs.proposed(experiment, path, fmt, settings, laid_out)
-        if isinstance(found, Proposal) and (unusable or found.layout != own_logs.PLAIN):
-            proposals[name] = found
-            if (
-                found.layout != own_logs.PLAIN
-                and found.layout.items() >= own_logs.PLAIN.items()
-                and (found.layout.keys() <= {"separator", "scale", "offset", "time_unit"})
-            ):
-                wrong = [f"{wrong[0]}; or {own_logs.PASTE}"]
-            else:
-                wrong = [f"{path}: {own_logs.LAID_OUT}"]
-        elif isinstance(found, str):
-            wrong = [found]
+        log, wrong, proposal = read_one(experiment, path, fmt, settings)
+        read |= {name: log} if log else {}
+        proposals |= {name: proposal} if proposal else {}
         problems += wrong
     for name, proposal in proposals.items():
         if proposal.layout.get("rate_hz", 0) is None:
@@ -307,6 +321,46 @@ def understood(recording: Checked) -> Iterator[str]:
         for channel, fault in report.get("channels", {}).items():
             yield f"{'':19}{channel}: {fault['fault']} in {100 * fault['share']:.0f} % of the time"
     yield from (f"  problem: {problem}" for problem in recording.problems)
+
+
+def lines_of(
+    path: Path, fmt: parse.Format, log: own_logs.Log | None, proposal: Proposal | None, laid_out: Mapping | None
+) -> Iterator[str]:
+    """Yield lines of a log with what is read from them, by the block that is proposed for settings.yaml, if one is."""
+    heading = f"{path.name} of {path.parent.parent.name}/{path.parent.name}: lines of it as printed"
+    if proposal is not None:
+        laid_out = own_logs.trial(proposal)
+        rate = "" if proposal.layout.get("rate_hz", 0) is not None else ", at 1 line a second"
+        log = own_logs.read_one(path, fmt, laid_out)
+        yield f"  {heading}, and what the block below would read from them{rate}"
+    elif log is not None:
+        yield f"  {heading}, and what is read from them"
+    else:
+        yield f"  {heading}, from which nothing is read"
+        yield from shown.first_lines(path, (laid_out or {}).get("encoding", "utf-8"))
+        return
+    yield from shown.lines(path, log.rows, log.rejects, fmt, laid_out)
+
+
+class Shown:
+    """Prints lines of each log once for each layout, not for each recording."""
+
+    def __init__(self):
+        self._seen: set[tuple[str, str]] = set()
+
+    def show(
+        self,
+        path: Path,
+        fmt: parse.Format,
+        log: own_logs.Log | None,
+        proposal: Proposal | None,
+        laid_out: Mapping | None,
+    ) -> None:
+        """Print lines of a log, unless those of another of its name and layout were printed."""
+        key = path.name, own_logs.on_a_line(proposal.layout if proposal else {"read": log is not None})
+        if key not in self._seen and path.is_file():
+            self._seen.add(key)
+            print("\n".join(lines_of(path, fmt, log, proposal, laid_out)))
 
 
 def of_clock(clock: Mapping) -> str:
@@ -613,6 +667,57 @@ def still(experiment: str, read: list[Checked]) -> list[str]:
     return said
 
 
+def unmeasured(name: str, read: Mapping[str, Mapping[str, own_logs.Log]]) -> list[str]:
+    """Return findings: frames and channels of the sensor's log, `name`, that are no measurement, and copies of lines.
+
+    read: recording -> log -> what was read of it.
+    """
+    logs, names, found = {one: logs[name] for one, logs in read.items() if name in logs}, [], {}
+    for one, log in logs.items():
+        names = [column for column in log.rows.column_names if re.fullmatch(r"[a-z]\d+", column)]
+        readings = np.column_stack([log.rows[column].to_numpy() for column in names])
+        here = no_measurement.found(log.rows["time_s"].to_numpy(), readings)
+        found[one] = no_measurement.Recording(here, log.rows["line"].to_numpy(), log.report["rate_hz"] or np.nan)
+    said = no_measurement.said(found, names)
+    for file in dict.fromkeys(file for each in read.values() for file in each):
+        said += copies({one: each[file] for one, each in read.items() if file in each}, file)
+    return said
+
+
+def copies(logs: Mapping[str, own_logs.Log], file: str) -> list[str]:
+    """Return a finding where more than a few lines of a file are exact copies of others; logs: by recording."""
+    count = {name: log.report["rejects"].get(DUPLICATE, 0) for name, log in logs.items()}
+    many = [name for name in logs if count[name] > OFTEN * logs[name].report["lines"]]
+    if not many:
+        return []
+    first = logs[many[0]]
+    line = first.rejects.filter(pc.equal(first.rejects["reason"], DUPLICATE))["line"][0]
+    times = first.report["lines"] / first.report["accepted"]
+    each = f"each line is there {times:.0f} times" if abs(times - round(times)) < OFTEN and times > 1.5 else ""
+    share = each or f"{100 * count[many[0]] / first.report['lines']:.2g} % of the lines are copies of others"
+    return [
+        f"{file}: {share}, with its time (the first: line {line} of {many[0]}; {len(many)} of {len(logs)} recordings): "
+        f"copies are left out, and {first.report['rate_hz']:.3g} lines a second count; print each line once"
+    ]
+
+
+def clipped(experiment: str, folder: Path, usable: list[Checked], settings: Mapping) -> list[str]:
+    """Return a finding where elements stand at a limit while they are pressed, by the definition of the data sheet."""
+    frames = [recording.frames for recording in usable if recording.frames.num_rows]
+    said = []
+    for sensor in sheet_sources.MAKERS[experiment](folder.name, frames, settings, False) if frames else ():
+        if not sensor.logs:
+            continue
+        known = quantities.known(sensor)
+        if known.limit:
+            which = ", ".join(f"{k}" for k in known.clipped[:SHAPES]) + ", ..." * (len(known.clipped) > SHAPES)
+            said.append(
+                f"{known.limit}{f' (elements {which})' if sensor.elements > 1 and which else ''}: beyond that nothing "
+                "is measured; lower the gain of the circuit, or press less"
+            )
+    return said
+
+
 def rates(experiment: str, read: list[Checked]) -> list[str]:
     """Return a finding where the sensor's logs have rates that differ by more than `predict` takes as one rate.
 
@@ -654,10 +759,14 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
     """Print all that was understood, draw it, and return the first thing to fix, or None if ingest can read it all."""
     settings = values[experiment]
     recordings = experiments.module(experiment).recordings(folder)
-    read = []
+    read, lines = [], Shown()
     for path in recordings:
-        read.append(checked(experiment, path, settings))
-        print("\n".join(understood(read[-1])))
+        one = checked(experiment, path, settings)
+        read.append(one)
+        print("\n".join(understood(one)))
+        for name, fmt in formats(experiment, path, settings).items():
+            laid_out = layout.of(settings["ingest"], name)
+            lines.show(path / name, fmt, one.logs.get(name), one.proposals.get(name), laid_out)
     problems = [problem for recording in read for problem in recording.problems]
     usable = [recording for recording in read if recording.frames is not None]
     found: dict[str, list[Proposal]] = {}
@@ -680,7 +789,9 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
         problems.append(unlike.pop(LOGS[experiment]))
     print(f"\n{folder}: {len(usable)} of {len(read)} recordings can be used")
     said = still(experiment, read) + rates(experiment, read) + ranges.findings + list(unlike.values())
+    said += unmeasured(LOGS[experiment], {one.name: one.logs for one in read})
     if usable:
+        said += clipped(experiment, folder, usable, settings)
         rows, findings, wrong = whole(experiment, usable, settings)
         said, problems = said + findings, problems + wrong + unfit(experiment, settings)
         if not wrong:
