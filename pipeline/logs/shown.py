@@ -53,7 +53,7 @@ def lines(path: Path, rows: pa.Table, rejects: pa.Table, fmt: Format, laid_out: 
         time_s = rows[fmt.time][one.row].as_py() / second(fmt)
         unit = next(column.unit for column in fmt.columns if column.name == fmt.time)
         when = f"{fmt.time} {rows[fmt.time][one.row].as_py()} us = {time_s:.3f} s" if unit == "us" else ""
-        when = when or f"{fmt.time} {time_s:.10g} s"
+        when = when or f"{fmt.time} {f'{time_s:.6f}'.rstrip('0').rstrip('.')} s"
         when += f", {time_s - start_s:.3f} s after line {last[picked[0].row]}" if one.row else ""
         values = [rows[column.name][one.row].as_py() for column in readings]
         yield from _values(when, readings, values, one.largest, _gain(given))
