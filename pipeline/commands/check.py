@@ -347,7 +347,7 @@ class Shown:
         else:
             print(f"{heading}, from which nothing is read")
         if log is None:
-            said = shown.first_lines(path, (laid_out or {}).get("encoding", "utf-8"))
+            said = shown.first_lines(path)
         else:
             said = shown.lines(path, log.rows, log.rejects, fmt, laid_out)
         print("\n".join(said))

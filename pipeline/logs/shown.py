@@ -1,5 +1,6 @@
 """Show a few lines of a log as they were printed, and under each what the reader made of every number in it."""
 
+import codecs
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
@@ -64,8 +65,10 @@ def lines(path: Path, rows: pa.Table, rejects: pa.Table, fmt: Format, laid_out: 
         yield from _under(f"line {rejects['line'][place]} left out, {reason}", ["" if text is None else text])
 
 
-def first_lines(path: Path, encoding: str = "utf-8") -> Iterator[str]:
+def first_lines(path: Path) -> Iterator[str]:
     """Yield the first lines of a log of which none can be read."""
+    with layouts.opened(path) as file:
+        encoding = "utf-16" if file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8"
     for number, text in printed(path, list(range(1, FIRST + 1)), encoding).items():
         yield from _under(f"line {number} not read", [text])
 
