@@ -42,6 +42,7 @@ from pipeline.targets import read as target_logs
 DRAWN = 3  # recordings in the picture
 LINES = 200  # of a log's start, in which the time has to rise
 OTHER_NUMBERS = (2, 3, 6, 7, 8)  # of a line of a target's log that are no columns: a counter, a date, a zone
+FEW_COPIES = 20  # lines of a log
 SHAPES = 8  # of an array that are listed
 OUTSIDE = 0.02  # share of contacts that may lie beside the array
 SLOWEST_HZ, FASTEST_HZ = 0.2, 5000  # every scan and every serial line is within this range
@@ -677,7 +678,7 @@ def unmeasured(name: str, read: Mapping[str, Mapping[str, own_logs.Log]]) -> lis
 def copied_lines(logs: Mapping[str, own_logs.Log], file: str) -> list[str]:
     """Return a finding where more than a few lines of a file are exact copies of others; logs: by recording."""
     count = {name: log.report["rejects"].get(DUPLICATE, 0) for name, log in logs.items()}
-    many = [name for name in logs if count[name] > OFTEN * logs[name].report["lines"]]
+    many = [name for name in logs if count[name] > max(FEW_COPIES, OFTEN * logs[name].report["lines"])]
     if not many:
         return []
     first = logs[many[0]]
@@ -693,17 +694,16 @@ def copied_lines(logs: Mapping[str, own_logs.Log], file: str) -> list[str]:
 
 def clipped(experiment: str, folder: Path, usable: list[Checked], settings: Mapping) -> list[str]:
     """Return a finding where elements stand at a limit while they are pressed, by the definition of the data sheet."""
-    frames = [recording.frames for recording in usable if recording.frames.num_rows]
-    said = []
+    frames, said = [recording.frames for recording in usable if recording.frames.num_rows], []
+    printed = settings["sensor"].get("order") or range(1 << 20)  # number of the printed column of each element
     for sensor in sheet_sources.MAKERS[experiment](folder.name, frames, settings, False) if frames else ():
-        if not sensor.logs:
-            continue
         known = quantities.known(sensor)
         if known.limit:
-            which = ", ".join(f"{k}" for k in known.clipped[:SHAPES]) + ", ..." * (len(known.clipped) > SHAPES)
+            names = [f"{'v' if experiment == 'touch' else 'u'}{printed[k]}" for k in known.clipped[:SHAPES]]
+            which = ", ".join(names + ["..."] * (len(known.clipped) > SHAPES))
             said.append(
-                f"{known.limit}{f' (elements {which})' if sensor.elements > 1 and which else ''}: beyond that nothing "
-                "is measured; lower the gain of the circuit, or press less"
+                f"{known.limit}{f' ({which})' if which else ''}: beyond that nothing is measured; lower the gain of "
+                "the circuit, or press less"
             )
     return said
 

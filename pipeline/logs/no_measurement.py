@@ -43,7 +43,8 @@ class Constant(NamedTuple):
 
     rows: np.ndarray  # (m,) numbers of the frames
     value: float  # of most of them
-    share: float  # of all frames; where the sensor also rests at this value, at least
+    share: float  # of all frames
+    at_least: bool  # the sensor also rests at this value, where lost frames cannot be told
 
 
 class Repeated(NamedTuple):
@@ -114,8 +115,9 @@ def _said_constant(recordings: Mapping[str, Recording], names: Sequence[str]) ->
     each = [one.found.constant for one in recordings.values()]
     count, of = sum(len(one.rows) for one in each), sum(len(one.line) for one in recordings.values())
     value = Counter(one.value for one in each).most_common(1)[0][0]
+    least = "at least " if any(one.at_least for one in each) else ""
     return (
-        f"{100 * count / of:.2g} % of the frames ({count}) read {value:g} in all {len(names)} elements, far from the "
+        f"{least}{100 * count / of:.2g} % of the frames ({count}) read {value:g} in all {len(names)} elements, far from the "
         f"frames beside them ({_where(recordings, each[0].rows[0])}): no measurement, but what was written for lost "
         "frames; remove these lines, or have the device print none in their place"
     )
@@ -175,7 +177,7 @@ def constant_frames(x: np.ndarray) -> Constant | None:
     lasts = np.zeros(n, int)  # constant frames on end
     lasts[constant] = np.repeat(edges[:, 1] - edges[:, 0], edges[:, 1] - edges[:, 0])
     levels, count = np.unique(x[constant, 0], return_counts=True)
-    rows = []
+    rows, at_least = [], False
     for level in levels[np.argsort(-count, kind="stable")][:LEVELS]:
         here = np.flatnonzero(constant & (x[:, 0] == level))
         short = here[lasts[here] <= MOST_LOST]
@@ -184,10 +186,11 @@ def constant_frames(x: np.ndarray) -> Constant | None:
             rows.append(here if len(here) - len(short) < MOST_LONG * n else short)
         elif level < x.max():
             rows.append(short[_between(x, short, others, away.max(axis=1), JUMP * largest)])
+            at_least |= len(rows[-1]) > 0
     if (total := sum(map(len, rows))) < FEW:
         return None
     most = max(rows, key=len)
-    return Constant(np.sort(np.concatenate(rows)), float(x[most[0], 0]), total / n)
+    return Constant(np.sort(np.concatenate(rows)), float(x[most[0], 0]), total / n, at_least)
 
 
 def _between(x: np.ndarray, rows: np.ndarray, others: np.ndarray, away: np.ndarray, least: float) -> np.ndarray:
