@@ -116,10 +116,11 @@ def _said_constant(recordings: Mapping[str, Recording], names: Sequence[str]) ->
     count, of = sum(len(one.rows) for one in each), sum(len(one.line) for one in recordings.values())
     value = Counter(one.value for one in each).most_common(1)[0][0]
     least = "at least " if any(one.at_least for one in each) else ""
+    where = _where(recordings, each[0].rows[0])
     return (
-        f"{least}{100 * count / of:.2g} % of the frames ({count}) read {value:g} in all {len(names)} elements, far from the "
-        f"frames beside them ({_where(recordings, each[0].rows[0])}): no measurement, but what was written for lost "
-        "frames; remove these lines, or have the device print none in their place"
+        f"{least}{100 * count / of:.2g} % of the frames ({count}) read {value:g} in all {len(names)} elements, far "
+        f"from the frames beside them ({where}): no measurement, but what was written for lost frames; remove these "
+        "lines, or have the device print none in their place"
     )
 
 
