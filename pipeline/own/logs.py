@@ -28,7 +28,7 @@ HIGH_REST = 0.75  # of the range of an area; a mat whose usual reading is beyond
 DIM = 0.25  # of the range of an area; images of readings that reach no further are dark
 STEPS_MOVED = 20  # finest steps, by more of which an arm moves and does not only rest
 MARGIN = 1.1  # of the largest reading, where that is no converter's
-RARE = 0.01  # of the frames, whose extremes are noise
+RARE = 0.01  # of the frames, whose extremes are noise; of the lines, whose times are of late or torn ones
 STEPS = [step * 10.0**power for power in range(-4, 7) for step in (1, 2, 5) if (step, power) != (1, 0)]  # of a scale
 ROUNDED = "that readings may be rounded"
 ORIGIN = "origin.yaml"  # beside logs that were imported: what each was made from
@@ -98,7 +98,8 @@ def without_copies(path: Path, fmt: parse.Format, found: Proposal, log: Log) -> 
     rate = f"there are {log.report['rate_hz'] or np.nan:.3g} lines"
     guesses = [re.sub(r"there are \S+ lines", rate, guess) for guess in found.guesses]
     once = {key: value for key, value in found.layout.items() if key != "repeats"}
-    if once == found.layout or read_one(path, fmt, trial(found._replace(layout=once))).report["rejects"].get(REPEATED):
+    bare = read_one(path, fmt, trial(found._replace(layout=once))).report
+    if once == found.layout or bare["rejects"].get(REPEATED, 0) > RARE * bare["lines"]:
         return found._replace(guesses=guesses)
     return found._replace(layout=once, guesses=[guess for guess in guesses if not guess.startswith(SPREAD)])
 
