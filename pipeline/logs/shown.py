@@ -108,9 +108,9 @@ def _gain(laid_out: Mapping) -> str:
             words.append(f"{word} the {key} of each")
         elif value != nothing:
             words.append(f"{word} {value:g}")
-    if not laid_out.get("rises_when_pressed", True):
-        words.append("turned, as it falls when pressed")
-    return f" (as printed, {', '.join(words)})" if words else ""
+    said = [f"printed {' '.join(words)}"] if words else []
+    said += [] if laid_out.get("rises_when_pressed", True) else ["turned, as it falls when pressed"]
+    return f" ({', '.join(said)})" if said else ""
 
 
 def _values(when: str, readings: Sequence[Column], values: Sequence, largest: int, gain: str) -> Iterator[str]:

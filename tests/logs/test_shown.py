@@ -63,8 +63,8 @@ def test_lines_of_any_layout(tmp_path, content, laid_out, first, largest):
 @pytest.mark.parametrize(
     ("laid_out", "value"),
     [
-        ({"separator": "text", "scale": 4.4482216152605}, "fz_n 11.7433 N (as printed, times 4.44822)"),
-        ({"separator": "text", "offset": -1}, "fz_n 1.64 N (as printed, plus -1)"),
+        ({"separator": "text", "scale": 4.4482216152605}, "fz_n 11.7433 N (printed times 4.44822)"),
+        ({"separator": "text", "offset": -1}, "fz_n 1.64 N (printed plus -1)"),
         ({"separator": "text"}, "fz_n 2.64 N"),
     ],
 )
@@ -80,7 +80,7 @@ def test_the_gain_is_shown(tmp_path, laid_out, value):
 def test_counts_that_fall_are_shown_turned(tmp_path):
     fmt = touch.array_format({"sensor": {"rows": 1, "cols": 1}, "ingest": {"highest_count": 1023}})
     lines = said(tmp_path / "array.log", "0,1000\n20000,23\n", fmt, {"separator": ",", "rises_when_pressed": False})
-    assert lines[-1].endswith("v0 1000 counts (as printed, turned, as it falls when pressed)")
+    assert lines[-1].endswith("v0 1000 counts (turned, as it falls when pressed)")
 
 
 def test_the_largest_of_many_readings_is_never_left_out(tmp_path):
