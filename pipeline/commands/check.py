@@ -474,8 +474,11 @@ def moved_rest(frames: pa.Table, contact: np.ndarray) -> list[str]:
     names = np.char.add(np.char.add(condition, "/"), recording)
     readings, time, said = schemas.matrix(frames["v"]), frames["t_s"].to_numpy(), []
     for name in dict.fromkeys(names.tolist()):
-        resting = np.flatnonzero((names == name) & ~contact)
-        if found := rest.step(readings[resting], readings[names == name]):
+        here = names == name
+        if no_measurement.stuck_channels(time[here], readings[here]):
+            continue  # whose level is no rest
+        resting = np.flatnonzero(here & ~contact)
+        if found := rest.step(readings[resting], readings[here]):
             said.append(
                 f"{name}: from {time[resting[found.first]]:.1f} s of load_cell.log on, elements at rest read "
                 f"{found.after:.4g} on average, before {found.before:.4g}: the sensor was re-zeroed, or its gain "
