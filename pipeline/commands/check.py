@@ -668,7 +668,7 @@ def unmeasured(name: str, read: Mapping[str, Mapping[str, own_logs.Log]]) -> lis
     """
     logs, names, found = {one: logs[name] for one, logs in read.items() if name in logs}, [], {}
     for one, log in logs.items():
-        names = [column for column in log.rows.column_names if re.fullmatch(r"[a-z]\d+", column)]
+        names = [column for column in log.rows.column_names if re.fullmatch(r"[^\W\d_]\d+", column)]
         readings = np.column_stack([log.rows[column].to_numpy() for column in names])
         here = no_measurement.found(log.rows["time_s"].to_numpy(), readings)
         found[one] = no_measurement.Recording(here, log.rows["line"].to_numpy(), log.report["rate_hz"] or np.nan)

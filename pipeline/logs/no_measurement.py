@@ -119,8 +119,8 @@ def _said_constant(recordings: Mapping[str, Recording], names: Sequence[str]) ->
     where = _where(recordings, each[0].rows[0])
     return (
         f"{least}{100 * count / of:.2g} % of the frames ({count}) read {value:g} in all {len(names)} elements, far "
-        f"from the frames beside them ({where}): no measurement, but what was written for lost frames; remove these "
-        "lines, or have the device print none in their place"
+        f"from the frames beside them ({where}): no measurement, but such as programs write for lost frames; remove "
+        "these lines, or have nothing printed in their place"
     )
 
 
