@@ -68,19 +68,20 @@ def logs(place: Path, experiment: str) -> list[Path]:
 
 def _recorded(place: Path, experiment: str) -> list[Path]:
     """Return the public recordings in a folder: all, some of them (an object's grasps), or those in a folder below."""
-    module, whole = experiments.module(experiment), place.absolute()
-    around = [place, *itertools.islice(whole.parents, 2)]
-    for folder in itertools.chain(around, sorted(path for path in place.rglob("*") if path.is_dir())):
+    module, whole, found = experiments.module(experiment), place.absolute(), []
+    below = sorted(path for path in place.rglob("*") if path.is_dir())
+    for folder in (place, *itertools.islice(whole.parents, 2), *below):
         with contextlib.suppress(InputError):  # it is not the folder that they lie in
-            if found := [path for path in module.recordings(folder) if path.absolute().is_relative_to(whole)]:
-                return found
+            found += [path for path in module.recordings(folder) if path.absolute().is_relative_to(whole)]
     listed = [Path(path).name for path in sources.files(experiment)]
     if len(set(listed)) == len(listed):  # their names tell them apart, so they may lie side by side
-        if found := sorted(path for path in place.rglob("*") if path.name in listed):
-            return found
-    raise InputError(
-        f"{place}: no recordings of {experiment} in it; name one, or a folder that `tactile fetch {experiment}` made"
-    )
+        found += sorted(path for path in place.rglob("*") if path.name in listed)
+    if not found:
+        raise InputError(
+            f"{place}: nothing in it is called and placed as recordings of {experiment} are; name one of them, or a "
+            f"folder such as `tactile fetch {experiment}` makes"
+        )
+    return list(dict.fromkeys(path.absolute() for path in found))
 
 
 def names(place: Path, logs_: Sequence[Path], experiment: str) -> list[str]:
