@@ -286,11 +286,14 @@ def scores(folder: Path, log: Readings, said: Predicted, card: Card) -> dict[str
 
 
 def interval(card: Card) -> str:
-    """Say what the intervals or sets are of, and on how much they were calibrated."""
+    """Say what the intervals or sets are of, on how much they were calibrated, and where they do not hold."""
     on = f"calibrated on {card.units} presses or pieces of recordings, by models of other parts of the groups"
-    percent = f"{100 * conformal.LEVEL:.0f} %"
+    percent, what = f"{100 * conformal.LEVEL:.0f} %", "set" if card.classes else "interval"
     if card.bound is None:
-        return f"{card.target.name}: no {percent} {'set' if card.classes else 'interval'} can be told; {on}"
+        return f"{card.target.name}: no {percent} {what} can be told; {on}"
+    coverage = {test: scores[validate.COVERAGE] for test, scores in card.tests.items() if validate.COVERAGE in scores}
+    limits = validate.held(coverage, card.by), validate.within(len(card.groups), card.by, what)
+    on = "; ".join([on, *filter(None, limits)])
     if card.classes:
         return f"{card.target.name}: {percent} set, of all with a score of {card.bound:.3g} or more; {on}"
     return f"{card.target.name}: {percent} interval, +- {card.bound:.3g} {card.target.unit}; {on}"
