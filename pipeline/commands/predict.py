@@ -159,7 +159,7 @@ def _end(given: argparse.Namespace, target: Path, logs: Mapping, unread: list[st
         if sentences:
             print(f"{name.replace('_', ' ')}:", *sentences, sep="\n  ")
     if problems := [f"{len(listed[name])} of {len(logs)} logs {words}" for name, words in said.items() if listed[name]]:
-        raise InputError(f"{' and '.join(problems)}; the others are {'predicted' if unread else 'scored'}")
+        raise InputError(f"{' and '.join(problems)}; {'the others' if unread else 'all'} are predicted")
 
 
 def _asked(given: argparse.Namespace, experiment: str, model: Mapping) -> tuple[Path, dict[str, Path], Path]:
@@ -224,12 +224,12 @@ def sentence(said: Mapping, unit: str = "") -> str:
     ]
     if reason := said.get("not_scored"):
         parts.append(reason if reason in kept.NO_TEST else "not scored, for the reason below")
-    words = _first_two(said.get("scores"))
+    words = ", ".join([*parts, *_first_two(said.get("scores"))])
+    if test := said.get("held_out_of"):
+        words += f"; held out ({test})"
     if held_out := said.get("held_out"):
-        words = [f"held out in the {said['held_out_of']}: {', '.join(_first_two(held_out))}"]
-    elif test := said.get("held_out_of"):
-        words.append(f"held out in the {test}")
-    return f"{said['recording']}: " + ", ".join([*parts, *words])
+        words += f": {', '.join(_first_two(held_out))}"
+    return f"{said['recording']}: {words}"
 
 
 def _first_two(scores: Mapping | None) -> list[str]:

@@ -266,10 +266,15 @@ def _of_test(card: Card, condition: str) -> list[metrics.Row]:
 
 
 def named(rows: Sequence[metrics.Row], card: Card) -> dict[str, float]:
-    """Return scores by metric and unit; of one element, whose map is a force, those of the force come first."""
+    """Return scores by metric and unit, without those that nothing tells.
+
+    Of one element, whose map is a force, those of the force come first.
+    """
     found = {f"{metric} ({unit})" if unit != "1" else metric: value for metric, unit, value, _ in rows}
+    found = {name: value for name, value in found.items() if np.isfinite(value)}
     if card.kind == "windows" and card.shapes.rows * card.shapes.cols == 1:
-        return dict(sorted(found.items(), key=lambda each: not each[0].startswith("force_")))
+        first = ("force_rmse (N)", "force_r2")
+        return {name: found[name] for name in first if name in found} | found
     return found
 
 

@@ -53,8 +53,8 @@ def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> 
         chosen[name] = best
         for row, guess in (*guesses.items(), (CHOSEN, guesses[best])):
             scores += [(name, row, *score) for score in scored(windows, test, guess, kind, unit)]
-        held = covered(windows, trains, held_out[best], test, guesses[best], kind, unit)
-        scores += [(name, CHOSEN, *score) for score in held]
+        of_intervals = covered(windows, trains, held_out[best], test, guesses[best], kind, unit)
+        scores += [(name, CHOSEN, *score) for score in of_intervals]
     found = pd.DataFrame(scores, columns=COLUMNS)
     groups = len(windows.groups)
     coverage = found[(found["metric"] == COVERAGE) & np.isfinite(found["value"])].set_index("test")["value"]
