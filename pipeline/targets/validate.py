@@ -60,7 +60,7 @@ def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> 
     coverage = found[(found["metric"] == COVERAGE) & np.isfinite(found["value"])].set_index("test")["value"]
     what = "interval" if kind == "continuous" else "set"
     if words := held(coverage, by):
-        warnings.append(f"Do not rely on a 90 % {what}: {words}.")
+        warnings.append(f"A 90 % {what} is off: {words}.")
     if len(coverage) and (words := within(groups - 1, by, what)):  # the group that is tested calibrates nothing
         warnings.append(f"A 90 % {what} is calibrated {words}.")
     return Tested(found, chosen, list(dict.fromkeys(warnings)), groups)

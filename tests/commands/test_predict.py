@@ -333,3 +333,29 @@ def test_one_bad_truth_of_a_target_does_not_stop_the_others(workspace, called, t
     with pytest.raises(SystemExit, match="1 of 1 logs cannot be scored; all are predicted"):
         called("predict", model, logs / "clock", "--out", tmp_path / "out")
     assert len(answer(tmp_path / "out")) == 1
+
+
+def test_an_interval_of_a_target_carries_the_coverage_of_its_tests(workspace, called, tmp_path, monkeypatch):
+    folder = free_targets.angles(workspace.root / "data" / "own" / "joint")
+    model = trained(called, monkeypatch, workspace, folder)
+    card = kept.Card.model_validate_json((model / "target.json").read_text())
+    assert {test: scores["coverage"] for test, scores in card.tests.items()} == held_out(workspace, "joint")[
+        "coverage"
+    ].to_dict()
+
+    def sentence(coverage: dict[str, float], groups=("anna", "ben", "cleo"), **changed) -> str:
+        tests = {test: {"coverage": share} for test, share in coverage.items()}
+        other = card.model_copy(update={"tests": tests, "groups": list(groups)} | changed)
+        (model / "target.json").write_text(other.model_dump_json(exclude_none=True))
+        said = called("predict", model, folder, "--out", tmp_path / "out")
+        (interval,) = json.loads((tmp_path / "out" / "summary.json").read_text())["interval"]
+        assert interval in said.splitlines()
+        return interval.partition("of other parts of the groups")[2]
+
+    assert sentence({"anna": 0.9, "ben": 0.87, "cleo": 0.94}) == ""
+    assert sentence({"anna": 0.99, "ben": 0.9, "cleo": 0.69}) == "; on held-out persons it held 69 % (cleo)"
+    assert sentence({}, ("anna",)) == "; within one person: no interval for another person"
+    assert sentence({"ben": 0.1}, ("anna",), by="session") == (
+        "; on held-out sessions it held 10 % (ben); within one session: no interval for another session"
+    )
+    assert sentence({"ben": 0.1}, bound=None) == "", "there is no interval"
