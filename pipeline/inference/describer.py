@@ -50,10 +50,6 @@ class Describer:
     def _scores(self) -> dict[tuple[str, str, int], list[cards.Score]]:
         return _scores(self.workspace, self.experiment)
 
-    @cached_property
-    def _digests(self) -> dict[str, str] | None:
-        return training.digests(self.workspace, self.values[self.experiment], self.experiment)
-
     def readings(self) -> np.ndarray:
         """Return the readings of all frames of the experiment, (n, columns) float32."""
         frames = _table(self.workspace.frames(self.experiment), self._columns)
@@ -66,12 +62,9 @@ class Describer:
         gain = next((score.value for score in scores if score.metric == "force_gain"), None)
         outputs = card.outputs.model_copy(update={"force_gain": gain})
         run = (protocol, seed)
-        settings = self.values[self.experiment]
         if run not in self._trained_on:
-            self._trained_on[run] = training.trained_on(self.workspace, settings, card)
-        known = {"trained_on": self._trained_on[run]}
-        known["logs"] = training.logs(self.workspace, settings, card, self._digests)
-        return card.model_copy(update={"scores": scores, "outputs": outputs} | known)
+            self._trained_on[run] = training.trained_on(self.workspace, self.values[self.experiment], card)
+        return card.model_copy(update={"scores": scores, "outputs": outputs, "trained_on": self._trained_on[run]})
 
     def without_scores(self, model: str, protocol: str, seed: int, commit: str) -> cards.Card:
         """Return the card of a run that need not have been evaluated; errors as `card`."""

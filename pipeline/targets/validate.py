@@ -62,7 +62,7 @@ def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> 
     if words := held(coverage, by):
         warnings.append(f"A 90 % {what} is off: {words}.")
     if len(coverage) and (words := within(groups - 1, by, what)):  # the group that is tested calibrates nothing
-        warnings.append(f"A 90 % {what} is calibrated {words}.")
+        warnings.append(f"In each test, a 90 % {what} is calibrated {words}.")
     return Tested(found, chosen, list(dict.fromkeys(warnings)), groups)
 
 

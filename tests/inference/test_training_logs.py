@@ -8,7 +8,7 @@ from builders.project import ROOT, run_stage
 
 from pipeline.base import files, params
 from pipeline.inference import card as cards
-from pipeline.inference import training
+from pipeline.inference import training_logs
 from pipeline.stages import dataset, ingest, window
 
 ALL = ["train", "validation", "test"]
@@ -30,8 +30,8 @@ def made(workspace, monkeypatch, experiment: str, sensor, changed) -> dict:
 def known(workspace, settings, card, **changed) -> dict[str, list[str]] | None:
     """Return recording -> parts of a card's logs, whose digests are those of the files."""
     card = card.model_copy(update=changed)
-    digests = training.digests(workspace, settings, card.experiment)
-    found = training.logs(workspace, settings, card, digests)
+    digests = training_logs.digests(workspace, settings, card.experiment)
+    found = training_logs.added(workspace, settings, card, digests).logs
     if found is None:
         return None
     name = {"strain": "daq.log", "touch": "array.log"}[card.experiment]
@@ -57,7 +57,7 @@ def test_a_model_that_starts_from_another_was_trained_on_the_logs_of_both(worksp
     shutil.rmtree(folder)
     assert known(*given, protocol="task_1") is None
     workspace.ingest_report("strain").unlink()
-    assert training.digests(workspace, settings, "strain") is None
+    assert training_logs.digests(workspace, settings, "strain") is None
 
 
 def test_another_condition_is_of_the_test_part_alone(workspace, monkeypatch, tmp_path):

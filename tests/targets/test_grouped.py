@@ -109,7 +109,7 @@ def test_a_test_that_shares_a_group_with_training_says_so(tmp_path, split, peopl
     found = data("strain", free_targets.angles(tmp_path / "joint", people, 80.0, split))
     windows, result = results_of(found, most=200)
     assert [words in warning for warning in result.warnings].count(True) == 1 and len(result.chosen) >= 4
-    assert f"A 90 % interval is calibrated {within}" in result.warnings
+    assert f"In each test, a 90 % interval is calibrated {within}" in result.warnings
     assert np.isnan(score(result, CHOSEN, RMSE).low) == (people == ("anna",)), "no interval of one person"
     if split["by"] == "time":
         one = found.series[0]
@@ -128,7 +128,7 @@ def test_of_two_groups_one_calibrates_each_test(people, tmp_path):
     lowest = coverage.idxmin()
     assert coverage[lowest] < 0.7 and coverage.nunique() > 1
     off = f"A 90 % interval is off: on held-out persons it held {100 * coverage[lowest]:.3g} % ({lowest})."
-    within = "A 90 % interval is calibrated within one person: no interval for another person."
+    within = "In each test, a 90 % interval is calibrated within one person: no interval for another person."
     assert off in result.warnings and (within in result.warnings) == (len(people) == 2)
 
 
