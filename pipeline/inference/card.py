@@ -133,6 +133,10 @@ class Card(Part):
         shapes = self.shapes
         return (shapes.map_rows, shapes.map_cols) if self.kind == "windows" else (shapes.map_rows * shapes.map_cols,)
 
+    def of_network(self) -> "Card":
+        """Return the card without what tells nothing of the network: the logs that it was trained on."""
+        return self.model_copy(update={"source": None, "logs": None})
+
     def reach(self, frame_step: int | None = None) -> int:
         """Return how many readings lie between the first and the last frame of a window: those without a prediction.
 
