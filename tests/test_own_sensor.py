@@ -419,7 +419,11 @@ def test_own_array_end_to_end(tmp_path, written, tactile):
     before = [path.stat().st_mtime_ns for path in weights]
     tactile("own", "data/own/finger")
     assert before and [path.stat().st_mtime_ns for path in weights] == before, "nothing is trained again"
-    assert "rmse" in tactile("predict", "build/own/finger/trained/rbf", "data/own/finger/double")
+    said = tactile("predict", "build/own/finger/trained/rbf", "data/own/finger/double")
+    assert re.search(r"rmse \(kPa\) .*; held out \(test part of `press`, seed 0\)\n", said)
+    said = tactile("predict", "build/own/finger/trained/rbf", "data/own/finger/single")
+    assert "trained on this recording: no test; held out (test part of `press`, seed 0): rmse (kPa)" in said
+    assert f"rmse (kPa) {rmse['single', 'constant']:.3g}" not in said
 
 
 def test_a_mat_of_one_area_end_to_end(tmp_path, tactile):
@@ -431,7 +435,10 @@ def test_a_mat_of_one_area_end_to_end(tmp_path, tactile):
     accuracy = errors_in(tmp_path, "mat", ["`mat`: glove", "Session pressure (1 run)"])
     assert accuracy["pressure", "naive_bayes"] > accuracy["pressure", "constant"]
     assert accuracy["pressure", "window_trees"] > accuracy["pressure", "constant"]
-    assert "accuracy" in tactile("predict", "build/own/mat/trained/sp_resnet", "data/own/mat/cup")
+    said = tactile("predict", "build/own/mat/trained/sp_resnet", "data/own/mat/cup").splitlines()
+    days = [line for line in said if " readings in " in line]
+    (tested,) = (line for line in days if "no test" not in line)
+    assert len(days) == 4 and re.search(r", accuracy .*; held out \(test part of `session_pressure`, seed 0\)$", tested)
 
 
 def test_a_glove_of_few_channels_end_to_end(tmp_path, tactile):

@@ -96,6 +96,14 @@ class Calibration(Part):
     coverage: list[Coverage]
 
 
+class Log(Part):
+    """A recording of the dataset that a model was trained or tested on."""
+
+    name: str  # condition/recording
+    sha256: str  # of the sensor's log, files.content_sha256
+    parts: list[str]  # of the split that its rows are in: train, validation, test
+
+
 class Card(Part):
     """All that a saved model needs beside its weights."""
 
@@ -116,12 +124,18 @@ class Card(Part):
     sha256: str  # of the file of weights
     calibration: Calibration | None = None  # None: predictions have no interval
     trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
+    source: str | None = None  # of its logs: simulated, data/own/..., or the public recordings' name; None: not known
+    logs: list[Log] | None = None  # None: nobody knows which logs it was trained on
 
     @property
     def output_shape(self) -> tuple[int, ...]:
         """Shape of one prediction: (map_rows, map_cols) in kPa or N, (outputs,) in mm, or (classes,)."""
         shapes = self.shapes
         return (shapes.map_rows, shapes.map_cols) if self.kind == "windows" else (shapes.map_rows * shapes.map_cols,)
+
+    def of_network(self) -> "Card":
+        """Return the card without what tells nothing of the network: the logs that it was trained on."""
+        return self.model_copy(update={"source": None, "logs": None})
 
     def reach(self, frame_step: int | None = None) -> int:
         """Return how many readings lie between the first and the last frame of a window: those without a prediction.

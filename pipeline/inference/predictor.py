@@ -203,6 +203,6 @@ def load(folder: str | Path) -> Predictor:
     if not path.is_file() or not onnx_is_faster(model):
         return Predictor(model, card)
     onnx = OnnxNetwork(path)
-    if cards.Card.model_validate_json(onnx.card) != card:
+    if cards.Card.model_validate_json(onnx.card).of_network() != card.of_network():
         raise InputError(f"{path}: is not of the model of {cards.NAME}; make the folder again")
     return Predictor(model, card, onnx)
