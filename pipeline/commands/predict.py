@@ -23,6 +23,7 @@ from tqdm import tqdm
 from pipeline.base import arguments, files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.own.beside import Beside, as_trained
 from pipeline.targets import kept, read
 
 T = TypeVar("T")
@@ -42,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict the logs named on the command line."""
     if (Path(given.model) / kept.CARD).is_file():
-        return of_target(given)
+        return of_target(workspace, given)
     import torch
 
     from pipeline.inference import intervals, packages, predictions, predictor, recordings
@@ -57,12 +58,20 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     print(f"{card.experiment}/{card.model}: {comes_from}")
     place, logs, target = _asked(given, card.experiment, predictions.model_of(card))
     predicted, scores, notes, unread = [], [], [], []
-    for recording in _each(logs, lambda path, name: recordings.read(path, name, card), unread):
+    beside = Beside(workspace, card.experiment, f"{card.experiment}/{card.model}", card.reading)
+
+    def opened(path: Path, name: str) -> tuple[recordings.Recording, predictor.Predictor]:
+        """Return what a log says, and the model for logs that are printed so."""
+        of_log = model.read_as(beside.of_log(path))
+        return recordings.read(path, name, of_log.card), of_log
+
+    for recording, of_log in _each(logs, opened, unread):
         of_recording = recordings.predict(model, recording)
         predicted.append((recording, of_recording))
         notes += [f"{recording.name}: {sentence}" for sentence in of_recording.notes]
         known = recordings.has_truth(recording, card)
-        scores.append(recordings.scores(model, recording.path) if known else ())
+        scores.append(recordings.scores(of_log, recording.path) if known else ())
+    notes = beside.said + notes
     print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
     with files.replacing_folder(target) as draft:
         summaries = predictions.write(draft, place, predicted, card, scores)
@@ -80,7 +89,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     _end(given, target, logs, unread)
 
 
-def of_target(given: argparse.Namespace) -> None:
+def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict a target of one's own, which is a number or a class for every reading."""
     from pipeline.datasets import schemas
     from pipeline.inference import predictions
@@ -93,10 +102,13 @@ def of_target(given: argparse.Namespace) -> None:
     }  # fmt: skip
     place, logs, target = _asked(given, card.experiment, who)
     unread, summaries = [], []
+    beside = Beside(workspace, card.experiment, f"the model of {card.sensor}", card.settings)
 
     def table(path: Path, name: str):
         """Return the predictions of a log as rows, and note what they came to."""
-        log = read.sensor_log(path, card.experiment, card.settings)
+        settings = beside.of_log(path)
+        log = read.sensor_log(path, card.experiment, settings)
+        log = log._replace(reading=as_trained(log.reading, settings, card.settings))
         predicted = kept.predict(model, log)
         summaries.append(kept.summary(name, path, log, predicted, card))
         return kept.table(name, log, predicted, card)
@@ -104,6 +116,7 @@ def of_target(given: argparse.Namespace) -> None:
     with files.replacing_folder(target) as draft:
         schemas.write(draft / "predictions.parquet", kept.schema(card), _each(logs, table, unread))
         predictions.write_summary(draft, who, place, [kept.interval(card)], summaries)
+    print(*beside.said[:MOST_LINES], sep="\n", end="\n" * bool(beside.said))
     for said in summaries[:MOST_LINES]:
         print(sentence(said, card.target.unit), *outside(said), sep="\n")
     print(kept.interval(card), f"written to {target}", sep="\n")

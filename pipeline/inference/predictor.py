@@ -8,6 +8,7 @@ for reading in device:           # (25,)
     map_kpa = model.step(reading)    # (20, 20)
 """
 
+import copy
 from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
@@ -53,6 +54,15 @@ class Predictor:
         self._last = deque(maxlen=self.card.reach(self._frame_step) + 1)
         self._outside = deque(maxlen=self._last.maxlen)  # of the readings that `step` was given
         self._put({})
+
+    def read_as(self, reading: Mapping[str, Mapping]) -> "Predictor":
+        """Return this model with `reading` in its card, for logs that are read by other settings than its training's.
+
+        Predictions are the same; both share one stream of `step`.
+        """
+        other = copy.copy(self)
+        other.card = self.card.model_copy(update={"reading": reading})
+        return other
 
     def predict(self, readings: np.ndarray, frame_step: int | None = None) -> np.ndarray:
         """Return one prediction per reading, (n, *output_shape) float32.
