@@ -18,7 +18,7 @@ from typing import BinaryIO, NamedTuple
 
 from pipeline.base.errors import InputError
 from pipeline.logs import units
-from pipeline.logs.formats import COLUMNS, NOT_A_NUMBER, UNREADABLE, Format
+from pipeline.logs.formats import COLUMNS, DUPLICATE, NOT_A_NUMBER, UNREADABLE, Format
 from pipeline.settings.shared import Layout
 
 TEXT = "text"  # the separator that stands for anything between two numbers
@@ -143,6 +143,41 @@ def without_nanoseconds(stamp: str) -> str:
     return re.sub(r"([.,][0-9]{6})[0-9]+", r"\1", stamp)
 
 
+class Copies:
+    """Tells whether lines of one time that are alike are one line, printed again.
+
+    Lines of one time follow each other as those of two times do: a sensor at rest may print equal readings as often in
+    one time as in two. So they are copies where, in one time, far more lines are alike, or hardly any line changes that
+    should. Without a change in the readings of a log nothing tells it, and all lines count.
+    """
+
+    FEWEST = 20  # lines that follow one of another time
+    EXPECTED = 5.0  # changes within times, by those from one time to the next: by chance none comes in 1 of 150 logs
+    CHANGED = 0.05  # of these; as many come where a copy was torn
+    BEYOND = 5.0  # times as many lines alike as by chance
+
+    def __init__(self):
+        self._lines, self._alike, self._last = [0, 0], [0, 0], None  # within a time, and from one time to the next
+
+    def add(self, readings: list[list[str]]) -> None:
+        """Take the readings of the lines of one time."""
+        for k, (before, now) in enumerate(zip([self._last, *readings[:-1]], readings, strict=True)):
+            if before is not None:
+                self._lines[k == 0] += 1
+                self._alike[k == 0] += before == now
+        self._last = readings[-1]
+
+    @property
+    def found(self) -> bool:
+        """Tell whether the lines so far show copies."""
+        (within, across), (alike, alike_across) = self._lines, self._alike
+        if across < self.FEWEST:
+            return False
+        expected = within * (1 - alike_across / across)
+        none_changes = expected >= self.EXPECTED and within - alike <= self.CHANGED * expected
+        return none_changes or alike > self.BEYOND * within * (alike_across + 1) / (across + 1)
+
+
 class Reader:
     """Takes the bytes of one log as they come and gives its lines."""
 
@@ -181,7 +216,8 @@ class Reader:
         self._previous: list[str | None] = [None] * len(self._readings)
         self._run = [0] * len(self._readings)  # rows in which each reading was missing, up to the last row
         self.filled, self.longest = self._run.copy(), self._run.copy()  # such rows in all, and in a row
-        self._alike: list[tuple[int, Decimal, list[str]]] = []  # lines of one time, while they may be spread
+        self._alike: list[tuple[int, str, Decimal, list[str]]] = []  # lines of one time, while they may be spread
+        self.copies = Copies()
         self._rounded = False  # their time, which was not cut
         self._before: Decimal | None = None  # time of those before
         self._days, self._last_s = 0, None
@@ -400,9 +436,9 @@ class Reader:
         if self.layout.repeats == "refuse":
             yield Line(number, self._text(time, readings), None)
             return
-        if self._alike and (time != self._alike[0][1] or len(self._alike) == MOST_ALIKE):
+        if self._alike and (time != self._alike[0][2] or len(self._alike) == MOST_ALIKE):
             yield from self._spread(time)
-        self._alike.append((number, time, readings))
+        self._alike.append((number, text, time, readings))
         self._rounded = rounded
 
     def _expected(self) -> int:
@@ -506,15 +542,26 @@ class Reader:
         """Yield the lines of one time, evenly over the time that they stand for; following: the next time.
 
         A whole number was cut, so that the lines follow it; one with decimals was rounded, so that they are around it.
+        Copies are rejects.
         """
         alike, self._alike = self._alike, []
         if not alike:
             return
-        time = alike[0][1]
+        time = alike[0][2]
+        self.copies.add([readings for *_, readings in alike])
+        if self.copies.found:
+            before, copied = None, []
+            for line in alike:
+                if line[3] == before:
+                    yield Line(line[0], line[1], DUPLICATE)
+                else:
+                    copied.append(line)
+                before = line[3]
+            alike = copied
         steps = [abs(one - time) for one in (following, self._before) if one is not None and one != time]
         step, many = min(steps, default=Decimal(0)), len(alike)
         self._before = time
-        for k, (number, _, readings) in enumerate(alike):
+        for k, (number, _, _, readings) in enumerate(alike):
             part = step * (2 * k - (many - 1) * self._rounded) / (2 * many)
             yield Line(number, self._text(self._in_unit(time + part), readings), None)
 
@@ -535,9 +582,14 @@ def filled(path: Path, layout: Mapping, fmt: Format) -> dict[str, tuple[int, int
 
 
 def _read(path: Path, reader: Reader) -> Iterator[list[Line]]:
-    """Yield what a reader makes of the lines of a log, block by block."""
+    """Yield what a reader makes of the lines of a log, block by block; the first one tells whether lines are copies."""
     try:
         with opened(path) as file:
+            if reader.layout.repeats == "spread":
+                first = Reader(reader.layout.model_dump(exclude_unset=True), reader.format, reader.where)
+                first.take(file.read(BLOCK))
+                file.seek(0)
+                reader.copies = first.copies
             while block := file.read(BLOCK):
                 yield reader.take(block)
     except BROKEN as error:

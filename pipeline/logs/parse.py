@@ -271,9 +271,9 @@ def read_log(
     line = np.concatenate([piece["line"].to_numpy() for piece in pieces])
     time, wrapped = unwrapped(time, second(fmt))
     lines = len(line) + sum(rejects.reasons().values())  # without the header
-    back = np.count_nonzero(time[1:] <= time[:-1])
-    if back > HOPELESS:  # each is a reset or a lost line, but to find out which takes minutes
-        lost = {f"{DUPLICATE} or {OUT_OF_ORDER}": int(back) - MOST_RESETS}
+    back = np.count_nonzero(time[1:] < time[:-1])
+    if back > HOPELESS:  # each is a reset, a copy of a line or a lost line, but to find out which takes minutes
+        lost = {OUT_OF_ORDER: max(0, int(back) - MOST_RESETS - (len(time) - len(np.unique(time))))}
         check_rejects(path, lines, rejects.reasons() | lost, limit, key)
     if layout is None:
         _check_headers(path, fmt, rejects)
@@ -433,8 +433,10 @@ def check_rejects(
 ) -> None:
     """Raise InputError when more than the share `limit` of the lines is rejected; `reasons`: rejected lines per reason.
 
-    key: the dotted name of the limit, a setting; following: how many more lines the file may have, all of them good.
+    Exact copies of other lines do not count, as nothing is lost with them. key: the dotted name of the limit, a
+    setting; following: how many more lines the file may have, all of them good.
     """
+    lines, reasons = lines - reasons.get(DUPLICATE, 0), {name: n for name, n in reasons.items() if name != DUPLICATE}
     count = sum(reasons.values())
     if count > limit * (lines + following):
         reason = max(sorted(reasons), key=reasons.get)
@@ -571,6 +573,7 @@ def _parse_laid_out(path: Path, fmt: Format, layout: Mapping) -> tuple[list[pa.T
     for block in layouts.lines(path, layout, fmt):
         good, bad = ([line for line in block if (line.reason is None) == wanted] for wanted in (True, False))
         if bad:
+            bad.sort()  # copies are known after later lines
             printed_as = {line.number: line.text for line in bad}
             codes = np.array([REASONS.index(line.reason) for line in bad], np.int8)
             for wanted in rejects.add(np.array(list(printed_as), np.int32), codes):
