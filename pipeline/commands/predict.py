@@ -116,7 +116,8 @@ def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
     with files.replacing_folder(target) as draft:
         schemas.write(draft / "predictions.parquet", kept.schema(card), _each(logs, table, unread))
         predictions.write_summary(draft, who, place, [kept.interval(card)], summaries)
-    print(*beside.said[:MOST_LINES], sep="\n", end="\n" * bool(beside.said))
+    notes = beside.said + [f"{said['recording']}: {words}" for said in summaries for words in said.get("notes", ())]
+    print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
     for said in summaries[:MOST_LINES]:
         print(sentence(said, card.target.unit), *outside(said), sep="\n")
     print(kept.interval(card), f"written to {target}", sep="\n")

@@ -87,7 +87,11 @@ def summary(recording: Recording, of_recording: Predicted, card: Card, scores: S
         said |= _range(predicted[known], card)
     if card.trained_on is not None:
         lacking = "set" if card.kind == "images" else "interval"
-        said |= ranges.summary(recording.x, outside, card.trained_on, card.inputs.unit, lacking)
+        none = np.zeros(len(outside), bool) if of_recording.unmeasured is None else of_recording.unmeasured
+        said |= ranges.summary(recording.x, outside & ~none, card.trained_on, card.inputs.unit, lacking)
+        said["share_outside_training"] = float(outside.mean()) if len(outside) else 0.0
+    if of_recording.notes:
+        said["notes"] = list(of_recording.notes)
     if scores:
         said["scores"] = {f"{metric} ({unit})" if unit != "1" else metric: value for metric, unit, value, _ in scores}
     return said

@@ -18,7 +18,7 @@ from pipeline.datasets.series import Record
 from pipeline.inference import timing
 from pipeline.inference.card import Card
 from pipeline.inference.predictor import Predictor
-from pipeline.logs import layout, packets, parse
+from pipeline.logs import layout, packets, parse, unmeasured
 from pipeline.logs.formats import LOGS, second
 from pipeline.scoring import classification, metrics
 from pipeline.targets.read import FORMATS
@@ -26,6 +26,9 @@ from pipeline.targets.read import FORMATS
 TRUTH = {"touch": ("load_cell.log", "cnc.log"), "strain": ("robot.log",)}  # logs beside the sensor's
 OF_ONE_ELEMENT = ("load_cell.log",)  # which cannot tell a place
 PATTERNS = {"velostat_recorded": "velostat_data/*/*.txt", "strain_recorded": "*.mat", "glove_recorded": "*.xml"}
+
+
+NOTHING = np.empty(0, int)
 
 
 class Recording(NamedTuple):
@@ -39,6 +42,8 @@ class Recording(NamedTuple):
     segment: np.ndarray  # (n,) rising; a new one after every restart of the device
     gaps: int  # times that readings are missing between two
     rejects: pa.Table  # lines that cannot be used, with their reasons
+    unmeasured: np.ndarray = NOTHING  # rows of the readings that are no measurement
+    notes: Sequence[str] = ()  # sentences on these, and on frames that were printed again
 
 
 def logs(place: Path, experiment: str) -> list[Path]:
@@ -93,7 +98,9 @@ def read(path: Path, name: str, card: Card) -> Recording:
     limit = f"{experiment}.ingest.max_reject_fraction"
     if experiment not in LOGS or experiment == "glove":
         frames, rejects, _ = module.read_recording(path.parent if experiment in LOGS else path, settings)
-        return _of_frames(path, name, frames, rejects, card)
+        recording = _of_frames(path, name, frames, rejects, card)
+        known = FORMATS[experiment](settings).names[1:] if experiment in LOGS else ()
+        return looked_at(recording, known or [f"column {k}" for k in range(recording.x.shape[1])])
     fmt = FORMATS[experiment](settings)
     ingest, laid_out = settings["ingest"], layout.of(settings["ingest"], LOGS[experiment])
     rows, rejects = parse.read_log(path, fmt, limit=ingest["max_reject_fraction"], key=limit, layout=laid_out)
@@ -104,9 +111,20 @@ def read(path: Path, name: str, card: Card) -> Recording:
         module.check_clock(path, rows)
         nowhere = np.full((len(time), 3), np.nan)
         frames = module.resampled(condition, path.parent.name, time, values, nowhere, settings["ingest"])
-        return _of_frames(path, name, frames, rejects, card)
+        found = unmeasured.found(time, values)  # here, because interpolated readings no longer repeat
+        none = unmeasured.resampled(unmeasured.rows(found, len(time)), time, frames["t_s"].to_numpy())
+        said = unmeasured.sentences(found, time, fmt.names[1:])
+        return _of_frames(path, name, frames, rejects, card)._replace(unmeasured=np.flatnonzero(none), notes=said)
     values, segment = module.in_order(values, settings), rows["segment"].to_numpy()
-    return Recording(path, name, condition, time, values, segment, int(schemas.gaps(time, segment).sum()), rejects)
+    gaps = int(schemas.gaps(time, segment).sum())
+    return looked_at(Recording(path, name, condition, time, values, segment, gaps, rejects), fmt.names[1:])
+
+
+def looked_at(recording: Recording, channels: Sequence[str]) -> Recording:
+    """Return a recording with what is no measurement in it; channels: their names."""
+    found = unmeasured.found(recording.t_s, recording.x)
+    none = np.flatnonzero(unmeasured.rows(found, len(recording.x)))
+    return recording._replace(unmeasured=none, notes=unmeasured.sentences(found, recording.t_s, channels))
 
 
 def _of_frames(path: Path, name: str, frames: pa.Table, rejects: pa.Table, card: Card) -> Recording:
@@ -136,25 +154,30 @@ class Predicted(NamedTuple):
 
     values: np.ndarray  # (n, *output_shape); NaN: none
     outside: np.ndarray  # (n,) bool, as of Predictor.outside
-    notes: list[str]  # sentences on a rate unlike that of training, and on why there is no prediction at all
+    notes: list[str]  # sentences on a rate unlike that of training, on what is no measurement, on why nothing is said
+    unmeasured: np.ndarray | None = None  # (n,) bool: those that are outside only because a reading is no measurement
 
 
 def predict(model: Predictor, recording: Recording) -> Predicted:
     """Return one prediction per reading.
 
     A model of windows is given a few lost readings by interpolation (timing.most_filled). Windows span no longer gap,
-    so that the first predictions after one are NaN; a series goes on over it, as in training.
+    so that the first predictions after one are NaN; a series goes on over it, as in training. Readings that are no
+    measurement are outside, as are windows with such a frame.
     """
     x, t_s, segment = recording.x, recording.t_s, recording.segment
+    none = np.isin(np.arange(len(x)), recording.unmeasured)
     if model.card.kind != "windows" or len(x) < 2:
         notes = [too_short(model.card, model.card.inputs.frame_step, len(x))] if model.card.kind == "windows" else []
-        return Predicted(model.predict(x), model.outside(x), notes)
+        outside = model.outside(x)
+        return Predicted(model.predict(x), outside | none, [*recording.notes, *notes], none & ~outside)
     interval_s = packets.rate(t_s, segment).interval
     step = timing.frame_step(model.card, interval_s)
     lost = np.maximum(0, np.round(np.diff(t_s, prepend=t_s[0]) / interval_s).astype(int) - 1)
     begins = (np.diff(segment, prepend=segment[0]) != 0) | (lost > timing.most_filled(step))
     lost[begins] = 0
-    predicted, outside = np.empty((len(x), *model.output_shape), np.float32), np.empty(len(x), bool)
+    predicted = np.empty((len(x), *model.output_shape), np.float32)
+    outside, in_range = np.empty((2, len(x)), bool)
     edges, longest = [0, *np.flatnonzero(begins), len(x)], 0
     for first, last in itertools.pairwise(edges):
         place = np.arange(last - first) + np.cumsum(lost[first:last])  # of the readings, with the lost ones in between
@@ -162,10 +185,12 @@ def predict(model: Predictor, recording: Recording) -> Predicted:
         longest = max(longest, len(every))
         whole = np.column_stack([np.interp(every, place, column) for column in x[first:last].T])
         predicted[first:last] = model.predict(whole, step)[place]
-        outside[first:last] = model.outside(whole, step)[place]
+        in_range[first:last] = ~model.outside(whole, step)[place]
+        beside = np.interp(every, place, none[first:last]) > 0  # also a lost reading beside one that is none
+        outside[first:last] = model.outside(whole, step, beside)[place]
     notes = timing.differences(model.card, interval_s, interval_s)
     notes += [too_short(model.card, step, longest)] if longest <= model.card.reach(step) else []
-    return Predicted(predicted, outside, notes)
+    return Predicted(predicted, outside, [*recording.notes, *notes], outside & in_range)
 
 
 def too_short(card: Card, step: int, longest: int) -> str:

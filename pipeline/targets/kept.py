@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict
 from pipeline.base import cards, files, ranges
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
+from pipeline.logs import unmeasured
 from pipeline.scoring import conformal, metrics
 from pipeline.settings.targets import Target
 from pipeline.targets import features, models, read, validate
@@ -124,7 +125,7 @@ def predict(kept: Kept, log: Readings) -> Predicted:
         found = features.statistics(log.time_s, log.segment, log.reading, ends, card.window_s)
         x = features.columns(found, card.level)
         parts.append(models.predicted(kept.estimator, x, max(1, len(card.classes))))
-    guess, outside = np.concatenate(parts), _outside(log, card)
+    guess, outside = np.concatenate(parts), _outside(log, card, unmeasured_rows(log))
     if card.classes:
         none = np.full(n, np.nan)
         return Predicted(guess, none, none, conformal.class_sets(guess, card.bound or 0.0), outside)
@@ -132,10 +133,24 @@ def predict(kept: Kept, log: Readings) -> Predicted:
     return Predicted(guess, guess[:, 0] - half, guess[:, 0] + half, np.empty((n, 0), bool), outside)
 
 
-def _outside(log: Readings, card: Card) -> np.ndarray:
-    """Return whether a reading of the window that ends with each one lies outside the training, (n,) bool."""
+def unmeasured_rows(log: Readings) -> np.ndarray:
+    """Return which readings of a log are no measurement, (n,) bool."""
+    return unmeasured.rows(unmeasured.found(log.time_s, log.reading), len(log.time_s))
+
+
+def notes(log: Readings, card: Card) -> list[str]:
+    """Return sentences on what is no measurement in a log."""
+    names = read.FORMATS[card.experiment](card.settings).names[1:]
+    return unmeasured.sentences(unmeasured.found(log.time_s, log.reading), log.time_s, names)
+
+
+def _outside(log: Readings, card: Card, none: np.ndarray) -> np.ndarray:
+    """Return whether a reading of the window that ends with each one lies outside the training, (n,) bool.
+
+    none: (n,) bool, readings that are no measurement, which are outside whatever they are.
+    """
     ends = np.arange(len(log.time_s))
-    before = np.append(0, np.cumsum(ranges.outside(log.reading, card.trained_on)))
+    before = np.append(0, np.cumsum(ranges.outside(log.reading, card.trained_on) | none))
     return before[ends + 1] > before[features.firsts(log.time_s, log.segment, ends, card.window_s)]
 
 
@@ -187,7 +202,11 @@ def summary(name: str, path: Path, log: Readings, said: Predicted, card: Card) -
     if card.trained_on is not None:
         unit = card.settings["sensor"].get("unit", UNITS[card.experiment])
         lacking = "set" if card.classes else "interval"
-        found |= ranges.summary(log.reading, said.outside, card.trained_on, unit, lacking)
+        by_range = _outside(log, card, np.zeros(len(log.time_s), bool))
+        found |= ranges.summary(log.reading, by_range, card.trained_on, unit, lacking)
+        found["share_outside_training"] = float(said.outside.mean())
+    if told := notes(log, card):
+        found["notes"] = told
     if scores := scored(path.parent, log, said, card):
         found["scores"] = scores
     return found

@@ -299,6 +299,16 @@ def test_a_target_reads_logs_as_the_settings_beside_them_say(workspace, called, 
     assert "the model of mat was trained: glove.ingest.format (scanner.log)" in said
     assert found["predicted"].equals(expected["predicted"]) and len(set(found["predicted"])) == 3
     np.testing.assert_allclose(np.stack(found["score"]), np.stack(expected["score"]), atol=1e-6)
+    log = logs / "cup" / "day0_0" / "scanner.log"
+    rows = log.read_text().splitlines()
+    log.write_text("\n".join(row.partition(";")[0] + ";0;0;0;0" if k % 7 == 3 else row for k, row in enumerate(rows)))
+    spoiled, said = predicted(called, logs, tmp_path / "spoiled", model)
+    assert (
+        f"cup/day0_0: {len(rows[3::7])} of {len(rows)} frames are no measurement: all channels read 0 in them" in said
+    )
+    of_log = (spoiled["recording"] == "cup/day0_0").to_numpy()
+    assert spoiled["outside_training"][of_log][3::7].all() and spoiled["set"][of_log][3::7].isna().all()
+    assert spoiled[~of_log].equals(found[~of_log]), "other recordings are as they were"
     given["glove.sensor.areas"]["pressure"]["rows"] = 3
     (logs / "settings.yaml").write_text(yaml.safe_dump(given))
     with pytest.raises(SystemExit, match="glove.sensor.areas is pressure 3 x 2 .*, but the model of mat was trained"):
