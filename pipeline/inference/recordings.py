@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments, tasks
+from pipeline.base import correlation
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.datasets.series import Record
@@ -100,7 +101,8 @@ def read(path: Path, name: str, card: Card) -> Recording:
         frames, rejects, _ = module.read_recording(path.parent if experiment in LOGS else path, settings)
         recording = _of_frames(path, name, frames, rejects, card)
         known = FORMATS[experiment](settings).names[1:] if experiment in LOGS else ()
-        return looked_at(recording, known or [f"column {k}" for k in range(recording.x.shape[1])])
+        columns = known or [f"column {k}" for k in range(recording.x.shape[1])]
+        return compared(looked_at(recording, columns), card, columns)
     fmt = FORMATS[experiment](settings)
     ingest, laid_out = settings["ingest"], layout.of(settings["ingest"], LOGS[experiment])
     rows, rejects = parse.read_log(path, fmt, limit=ingest["max_reject_fraction"], key=limit, layout=laid_out)
@@ -114,7 +116,8 @@ def read(path: Path, name: str, card: Card) -> Recording:
         found = unmeasured.found(time, values)  # here, because interpolated readings no longer repeat
         none = unmeasured.resampled(unmeasured.rows(found, len(time)), time, frames["t_s"].to_numpy())
         said = unmeasured.sentences(found, time, fmt.names[1:])
-        return _of_frames(path, name, frames, rejects, card)._replace(unmeasured=np.flatnonzero(none), notes=said)
+        recording = _of_frames(path, name, frames, rejects, card)
+        return compared(recording._replace(unmeasured=np.flatnonzero(none), notes=said), card, fmt.names[1:])
     values, segment = module.in_order(values, settings), rows["segment"].to_numpy()
     gaps = int(schemas.gaps(time, segment).sum())
     return looked_at(Recording(path, name, condition, time, values, segment, gaps, rejects), fmt.names[1:])
@@ -125,6 +128,15 @@ def looked_at(recording: Recording, channels: Sequence[str]) -> Recording:
     found = unmeasured.found(recording.t_s, recording.x)
     none = np.flatnonzero(unmeasured.rows(found, len(recording.x)))
     return recording._replace(unmeasured=none, notes=unmeasured.sentences(found, recording.t_s, channels))
+
+
+def compared(recording: Recording, card: Card, channels: Sequence[str]) -> Recording:
+    """Return a recording with what is to be said of its channels beside each other; channels: their names."""
+    begins = np.diff(recording.segment, prepend=recording.segment[:1]) != 0
+    none = np.isin(np.arange(len(recording.x)), recording.unmeasured)
+    parts = [*correlation.stretches(recording.x, begins, none)]
+    said = correlation.sentences(card.correlation, parts, channels)
+    return recording._replace(notes=[*recording.notes, *said])
 
 
 def _of_frames(path: Path, name: str, frames: pa.Table, rejects: pa.Table, card: Card) -> Recording:
@@ -155,7 +167,6 @@ class Predicted(NamedTuple):
     values: np.ndarray  # (n, *output_shape); NaN: none
     outside: np.ndarray  # (n,) bool, as of Predictor.outside
     notes: list[str]  # sentences on a rate unlike that of training, on what is no measurement, on why nothing is said
-    unmeasured: np.ndarray | None = None  # (n,) bool: those that are outside only because a reading is no measurement
 
 
 def predict(model: Predictor, recording: Recording) -> Predicted:
@@ -169,15 +180,13 @@ def predict(model: Predictor, recording: Recording) -> Predicted:
     none = np.isin(np.arange(len(x)), recording.unmeasured)
     if model.card.kind != "windows" or len(x) < 2:
         notes = [too_short(model.card, model.card.inputs.frame_step, len(x))] if model.card.kind == "windows" else []
-        outside = model.outside(x)
-        return Predicted(model.predict(x), outside | none, [*recording.notes, *notes], none & ~outside)
+        return Predicted(model.predict(x), model.outside(x) | none, [*recording.notes, *notes])
     interval_s = packets.rate(t_s, segment).interval
     step = timing.frame_step(model.card, interval_s)
     lost = np.maximum(0, np.round(np.diff(t_s, prepend=t_s[0]) / interval_s).astype(int) - 1)
     begins = (np.diff(segment, prepend=segment[0]) != 0) | (lost > timing.most_filled(step))
     lost[begins] = 0
-    predicted = np.empty((len(x), *model.output_shape), np.float32)
-    outside, in_range = np.empty((2, len(x)), bool)
+    predicted, outside = np.empty((len(x), *model.output_shape), np.float32), np.empty(len(x), bool)
     edges, longest = [0, *np.flatnonzero(begins), len(x)], 0
     for first, last in itertools.pairwise(edges):
         place = np.arange(last - first) + np.cumsum(lost[first:last])  # of the readings, with the lost ones in between
@@ -185,12 +194,11 @@ def predict(model: Predictor, recording: Recording) -> Predicted:
         longest = max(longest, len(every))
         whole = np.column_stack([np.interp(every, place, column) for column in x[first:last].T])
         predicted[first:last] = model.predict(whole, step)[place]
-        in_range[first:last] = ~model.outside(whole, step)[place]
         beside = np.interp(every, place, none[first:last]) > 0  # also a lost reading beside one that is none
         outside[first:last] = model.outside(whole, step, beside)[place]
     notes = timing.differences(model.card, interval_s, interval_s)
     notes += [too_short(model.card, step, longest)] if longest <= model.card.reach(step) else []
-    return Predicted(predicted, outside, [*recording.notes, *notes], outside & in_range)
+    return Predicted(predicted, outside, [*recording.notes, *notes])
 
 
 def too_short(card: Card, step: int, longest: int) -> str:

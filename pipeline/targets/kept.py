@@ -12,7 +12,8 @@ import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel, ConfigDict
 
-from pipeline.base import cards, files, ranges
+from pipeline.base import cards, correlation, files, ranges
+from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.logs import unmeasured
@@ -26,6 +27,7 @@ from pipeline.targets.validate import Final
 CARD = "target.json"
 TRUSTED = ("sklearn.tree._tree.Tree",)  # node indices are not checked on loading: load your own files only
 READ = ("sensor", "ingest")  # blocks of settings that say how a log is read
+SAME_RATE = 1.1  # ratio of times from reading to reading, as inference.timing.TOLERANCE
 SOME_VALUES = 1 << 22  # of statistics at once, 16 MB
 UNITS = {"touch": "counts", "strain": "V", "glove": "levels"}  # of readings where the settings name none
 
@@ -51,6 +53,8 @@ class Card(BaseModel):
     scores: dict[str, float]  # metric -> mean over tests of groups apart, chosen on the other groups
     commit: str
     sha256: str  # of the estimator's file
+    interval_s: float | None = None  # from one reading of the training to the next; None: not known
+    correlation: Correlation | None = None  # of the channels in training; None: not known, or it tells nothing
     trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
 
 
@@ -133,15 +137,46 @@ def predict(kept: Kept, log: Readings) -> Predicted:
     return Predicted(guess, guess[:, 0] - half, guess[:, 0] + half, np.empty((n, 0), bool), outside)
 
 
+def interval_s(data: Data) -> float:
+    """Return the usual time from one reading to the next (s)."""
+    return float(np.median(np.concatenate([np.diff(each.time_s) for each in data.series])))
+
+
+def correlated(data: Data, experiment: str) -> Correlation | None:
+    """Return how the channels go together, of strands; elements and cells go together as they are touched."""
+    if experiment != "strain":
+        return None
+    nowhere = [np.zeros(len(each.time_s), bool) for each in data.series]
+    parts = [
+        part
+        for each, none in zip(data.series, nowhere, strict=True)
+        for part in correlation.stretches(each.reading, schemas.gaps_before(each.time_s, each.segment), none)
+    ]
+    return correlation.of(parts, range(data.series[0].reading.shape[1]))
+
+
 def unmeasured_rows(log: Readings) -> np.ndarray:
     """Return which readings of a log are no measurement, (n,) bool."""
     return unmeasured.rows(unmeasured.found(log.time_s, log.reading), len(log.time_s))
 
 
 def notes(log: Readings, card: Card) -> list[str]:
-    """Return sentences on what is no measurement in a log."""
+    """Return sentences on what is no measurement, on another rate, and on channels unlike those of the training."""
     names = read.FORMATS[card.experiment](card.settings).names[1:]
-    return unmeasured.sentences(unmeasured.found(log.time_s, log.reading), log.time_s, names)
+    found = unmeasured.found(log.time_s, log.reading)
+    said, n = unmeasured.sentences(found, log.time_s, names), len(log.time_s)
+    here_s = float(np.median(np.diff(log.time_s))) if n > 1 else card.interval_s
+    alike = card.interval_s is None or 1 / SAME_RATE <= here_s / card.interval_s <= SAME_RATE
+    if not alike:
+        said.append(
+            f"the log has {1 / here_s:.3g} readings a second by its times, the model's training "
+            f"{1 / card.interval_s:.3g}: expect larger errors than the card's, or mend the unit of the times"
+        )
+    elif card.correlation is not None:
+        begins = schemas.gaps_before(log.time_s, log.segment)
+        parts = [*correlation.stretches(log.reading, begins, unmeasured.rows(found, n))]
+        said += correlation.sentences(card.correlation, parts, names)
+    return said
 
 
 def _outside(log: Readings, card: Card, none: np.ndarray) -> np.ndarray:

@@ -73,7 +73,6 @@ def test_such_readings_have_no_interval_in_windows_with_them_and_all_predictions
         expected[rows[rows + back < N] + back] = True
     by_range = model.outside(counts)
     assert np.abs(found.outside.astype(int) - (expected | by_range)).sum() <= 6, "the edges of a still channel"
-    assert np.array_equal(found.unmeasured, found.outside & ~by_range)
     (said,) = predictions.write(tmp_path, tmp_path, [(recording, found)], model.card, [()])
     table = pq.read_table(tmp_path / "predictions.parquet").to_pandas()
     assert said["notes"] == found.notes and said["share_outside_training"] == table["outside_training"].mean()
@@ -87,7 +86,7 @@ def test_frames_printed_again_are_told_and_keep_their_intervals(model, tmp_path)
     counts = measured(1)[np.arange(N) // 4]
     found = recordings.predict(model, read_back(model, counts, tmp_path))
     assert "each frame is printed 4 times: of 50 frames a second, 12.5 are new" in found.notes
-    assert not found.outside.any() and not found.unmeasured.any()
+    assert not found.outside.any()
 
 
 def test_what_is_measured_has_no_note(model, tmp_path):
