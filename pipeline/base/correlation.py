@@ -131,7 +131,7 @@ def stretches(x: np.ndarray, begins: np.ndarray, without: np.ndarray) -> Iterato
 
 
 def sentences(of_training: Correlation | None, parts: Sequence[np.ndarray], names: Sequence[str]) -> list[str]:
-    """Return what is to be said of how channels go together in stretches of a recording; [] where nothing is.
+    """Return the one thing to be said of how channels go together in stretches of a recording; [] where nothing is.
 
     parts: readings (n, columns) without a gap; names: of the columns.
     """
@@ -144,19 +144,19 @@ def sentences(of_training: Correlation | None, parts: Sequence[np.ndarray], name
         return []
     spread = np.array(of_training.spread)
     apart, gain = _distance(np.array(of_training.correlation) * np.outer(spread, spread), here)
-    said, worst = [], int(apart.argmax())
+    worst, furthest = int(apart.argmax()), int(np.abs(gain).argmax())
+    causes = "another sensor, or another kind of motion"
     if apart[worst] > limits[0]:
-        said.append(
+        return [
             f"{names[of_training.columns[worst]]} does not change with the other channels as in training (correlations "
             f"differ by {apart[worst]:.2f}, in training by {limits[0] / MARGIN:.2f} at most): exchanged channels, "
-            "another sensor, or another kind of motion"
-        )
-    furthest = int(np.abs(gain).argmax())
+            f"{causes}"
+        ]
     if np.abs(gain[furthest]) > limits[1]:
         low, high = np.exp([-limits[1] / MARGIN, limits[1] / MARGIN])
-        said.append(
+        return [
             f"{names[of_training.columns[furthest]]} changes {np.exp(gain[furthest]):.2f} times as much, against the "
             f"other channels, as in training, where stretches have {low:.2f} to {high:.2f} times: another scale, "
-            "another sensor, or another kind of motion"
-        )
-    return said
+            f"{causes}"
+        ]
+    return []
