@@ -19,6 +19,7 @@ told: what changes together there is what is touched (distances of 25 simulated 
 the exchange), so that their models keep none. Nor do those of strands, where most exchanges would not be told.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -83,14 +84,13 @@ def _at_lag(stretches: Sequence[np.ndarray], columns: Sequence[int], lag: int) -
     if not known:
         return None
     lengths, most_apart, most_gain = map(list, zip(*known, strict=True))
-    pairs = np.array(np.triu_indices(len(columns), 1)).T
+    pairs = _pairs(len(columns))
     if len(pairs) > PAIRS:
         pairs = np.random.default_rng(0).permutation(pairs)[:PAIRS]
-    told = []
-    for number, (one, other) in enumerate(pairs):
-        order = np.arange(len(columns))
-        order[[one, other]] = other, one
-        told.append(_distance(total, last[number % len(last)][np.ix_(order, order)])[0].max() > most_apart[-1])
+    told = [
+        _distance(total, last[number % len(last)][_exchanged(len(columns), *pair)])[0].max() > most_apart[-1]
+        for number, pair in enumerate(pairs)
+    ]
     spread = np.sqrt(np.diag(total))
     return float(np.mean(told)), Correlation(
         columns=list(columns),
@@ -101,6 +101,17 @@ def _at_lag(stretches: Sequence[np.ndarray], columns: Sequence[int], lag: int) -
         most_apart=most_apart,
         most_gain=most_gain,
     )
+
+
+def _pairs(channels: int) -> list[tuple[int, int]]:
+    return list(itertools.combinations(range(channels), 2))
+
+
+def _exchanged(channels: int, one: int, other: int) -> tuple[np.ndarray, ...]:
+    """Return the index of a matrix (channels, channels) in which two channels are exchanged."""
+    order = np.arange(channels)
+    order[[one, other]] = other, one
+    return np.ix_(order, order)
 
 
 def _products(stretches: Sequence[np.ndarray], lag: int) -> np.ndarray | None:
@@ -142,20 +153,24 @@ def sentences(of_training: Correlation | None, parts: Sequence[np.ndarray], name
     limits = of_training.limits(sum(map(len, chosen)))
     if here is None or limits is None or not np.isfinite(here).all():
         return []
-    spread = np.array(of_training.spread)
-    apart, gain = _distance(np.array(of_training.correlation) * np.outer(spread, spread), here)
+    spread, of_column = np.array(of_training.spread), [names[k] for k in of_training.columns]
+    trained = np.array(of_training.correlation) * np.outer(spread, spread)
+    apart, gain = _distance(trained, here)
     worst, furthest = int(apart.argmax()), int(np.abs(gain).argmax())
     causes = "another sensor, or another kind of motion"
     if apart[worst] > limits[0]:
+        pairs = {pair: _distance(trained, here[_exchanged(len(here), *pair)])[0].max() for pair in _pairs(len(here))}
+        one, other = min(pairs, key=pairs.get)
+        if pairs[one, other] <= limits[0]:
+            causes = f"with {of_column[one]} and {of_column[other]} exchanged they would"
         return [
-            f"{names[of_training.columns[worst]]} does not change with the other channels as in training (correlations "
-            f"differ by {apart[worst]:.2f}, in training by {limits[0] / MARGIN:.2f} at most): exchanged channels, "
-            f"{causes}"
+            f"the channels do not change together as in training (correlations of {of_column[worst]} differ by "
+            f"{apart[worst]:.2f}, in training by {limits[0] / MARGIN:.2f} at most): {causes}"
         ]
     if np.abs(gain[furthest]) > limits[1]:
         low, high = np.exp([-limits[1] / MARGIN, limits[1] / MARGIN])
         return [
-            f"{names[of_training.columns[furthest]]} changes {np.exp(gain[furthest]):.2f} times as much, against the "
+            f"{of_column[furthest]} changes {np.exp(gain[furthest]):.2f} times as much, against the "
             f"other channels, as in training, where stretches have {low:.2f} to {high:.2f} times: another scale, "
             f"{causes}"
         ]
