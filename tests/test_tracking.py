@@ -28,7 +28,7 @@ from pipeline.base import params
 from pipeline.base.errors import InputError, run_stage
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
-from pipeline.inference import mlflow_runs, mlflow_store, packages, predictor
+from pipeline.inference import mlflow_runs, mlflow_store, packages, predictor, training_logs
 from pipeline.scoring import shards
 
 pytestmark = pytest.mark.slow
@@ -50,6 +50,7 @@ PARAMS = {
 }
 SEEDS = (0, 1)
 LINEAR = ("linear", "0")
+LOGS = [cards.Log(name="single/run000", sha256="0" * 64, parts=["train"])]
 
 
 def write_repository(root: Path) -> None:
@@ -74,6 +75,7 @@ def tracked(workspace):
     root = workspace.root
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        patch.setattr(training_logs, "added", lambda *given: given[2].model_copy(update={"logs": LOGS}))
         write_repository(root)
         mlflow_runs.track(workspace, PARAMS)
         yield root
@@ -154,6 +156,7 @@ def test_every_run_opens_with_its_own_weights(workspace, tracked, tmp_path, monk
     assert ours.shape == (12, 3, 5) and np.isfinite(ours[-1]).all()
     folder, origin = packages.locate(workspace, run.info.run_id, PARAMS, tmp_path / "from_mlflow")
     assert origin == "from MLflow" and cards.read(folder).seed == seed
+    assert cards.read(folder).logs == LOGS, "for predict not to score them"
     np.testing.assert_array_equal(predictor.load(folder).predict(readings), ours)
     assert sorted(file.name for file in folder.iterdir()) == ["card.json", "estimator.skops"]
 

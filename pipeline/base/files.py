@@ -3,7 +3,9 @@
 A killed stage leaves a draft beside them, `<name>.unfinished`, which the next call writes anew.
 """
 
+import bz2
 import csv
+import gzip
 import hashlib
 import os
 import shutil
@@ -12,6 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from pipeline.base.errors import InputError
+
+BLOCK = 1 << 20  # bytes of a log that are read at once
 
 
 @contextmanager
@@ -66,6 +70,23 @@ def sha256(path: Path) -> str:
     """Return the digest of a file."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def content_sha256(path: Path) -> str:
+    """Return the digest of what a log says, so that its copies are one log whatever they are called.
+
+    It is that of the unpacked bytes (gzip, bzip2) without line ends and without the byte order mark of an editor.
+    """
+    with open(path, "rb") as file:
+        start = file.read(3)
+    packed = gzip.open if start.startswith(b"\x1f\x8b") else bz2.open if start == b"BZh" else open
+    digest = hashlib.sha256()
+    with packed(path, "rb") as file:
+        block = file.read(BLOCK).removeprefix(b"\xef\xbb\xbf")
+        while block:
+            digest.update(block.translate(None, b"\r\n"))
+            block = file.read(BLOCK)
+    return digest.hexdigest()
 
 
 def _shortest(value: float) -> str:

@@ -7,9 +7,11 @@ sensor (array.log, daq.log, scanner.log), or a folder with such logs in it or be
 and normalised as in training. OUT gets predictions.parquet (one row per reading), summary.json, of each recording a
 picture, and of a touch sensor's an animation. Every prediction has its 90 % interval, or set of objects, beside it
 where the model's card has a calibration and the reading lies within those of the training. Where the ground truth lies
-beside a log, the model is scored against it. A log among several that cannot be read is listed, with exit status 1, and
-the others are predicted. A recording is called by its path below LOGS. OUT is predictions/NAME where --out does not say
-it, NAME that of the folder or log; there, predictions of another model or of other logs are not replaced.
+beside a log, the model is scored against it, unless it was trained on this very log, whatever that is called now: then
+the scores of its test are quoted. A log among several that cannot be read, or any whose ground truth cannot, is listed,
+with exit status 1, and the others are predicted and scored. A recording is called by its path below LOGS. OUT is
+predictions/NAME where --out does not say it, NAME that of the folder or log; there, predictions of another model or of
+other logs are not replaced.
 """
 
 import argparse
@@ -57,7 +59,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     card = model.card
     print(f"{card.experiment}/{card.model}: {comes_from}")
     place, logs, target = _asked(given, card.experiment, predictions.model_of(card))
-    predicted, scores, notes, unread = [], [], [], []
+    predicted, scored, notes, unread, unscored = [], [], [], [], []
     beside = Beside(workspace, card.experiment, f"{card.experiment}/{card.model}", card.reading)
 
     def opened(path: Path, name: str) -> tuple[recordings.Recording, predictor.Predictor]:
@@ -69,24 +71,19 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         of_recording = recordings.predict(model, recording)
         predicted.append((recording, of_recording))
         notes += [f"{recording.name}: {sentence}" for sentence in of_recording.notes]
-        known = recordings.has_truth(recording, card)
-        scores.append(recordings.scores(of_log, recording.path) if known else ())
+        scored.append(_scored(recording.name, unscored, recordings.scored, of_log, recording))
     notes = beside.said + notes
     print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
     with files.replacing_folder(target) as draft:
-        summaries = predictions.write(draft, place, predicted, card, scores)
-        for said in summaries[:MOST_LINES]:
-            print(sentence(said), *outside(said), sep="\n")
-        if len(summaries) > MOST_LINES:
-            print(f"and {len(summaries) - MOST_LINES} more recordings, in summary.json")
-        print(*intervals.sentences(card), sep="\n")
+        summaries = predictions.write(draft, place, predicted, card, scored)
+        _print(draft, summaries, intervals.sentences(card))
         if not given.no_pictures:
             drawn = [recording.name for recording, _ in predicted]
             _draw(draft, predicted[:MOST_PICTURES], predictions.file_names(drawn), card)
     if len(predicted) > MOST_PICTURES and not given.no_pictures:
         print(f"the first {MOST_PICTURES} recordings are drawn")
     print(f"written to {target}")
-    _end(given, target, logs, unread)
+    _end(given, target, logs, unread, unscored)
 
 
 def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
@@ -101,7 +98,7 @@ def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
         "experiment": card.experiment, "model": f"{card.sensor}: {card.target.name}", "protocol": card.by, "seed": 0,
     }  # fmt: skip
     place, logs, target = _asked(given, card.experiment, who)
-    unread, summaries = [], []
+    unread, unscored, summaries = [], [], []
     beside = Beside(workspace, card.experiment, f"the model of {card.sensor}", card.settings)
 
     def table(path: Path, name: str):
@@ -110,18 +107,41 @@ def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
         log = read.sensor_log(path, card.experiment, settings)
         log = log._replace(reading=as_trained(log.reading, settings, card.settings))
         predicted = kept.predict(model, log)
-        summaries.append(kept.summary(name, path, log, predicted, card))
+        scored = _scored(name, unscored, kept.scored, path, log, predicted, card)
+        summaries.append(kept.summary(name, path, log, predicted, card) | scored)
         return kept.table(name, log, predicted, card)
 
     with files.replacing_folder(target) as draft:
         schemas.write(draft / "predictions.parquet", kept.schema(card), _each(logs, table, unread))
-        predictions.write_summary(draft, who, place, [kept.interval(card)], summaries)
-    notes = beside.said + [f"{said['recording']}: {words}" for said in summaries for words in said.get("notes", ())]
-    print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
+        unknown = kept.UNKNOWN if card.logs is None else ""
+        predictions.write_summary(draft, who, place, [kept.interval(card)], summaries, unknown)
+        notes = beside.said + [f"{said['recording']}: {words}" for said in summaries for words in said.get("notes", ())]
+        print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
+        _print(draft, summaries, [kept.interval(card)], card.target.unit)
+    print(f"written to {target}")
+    _end(given, target, logs, unread, unscored)
+
+
+def _scored(name: str, unscored: list[str], scored: Callable[..., dict], *given) -> dict:
+    """Return what `scored(*given)` says of the recording `name`; where its truth is of no use, `unscored` gets why."""
+    try:
+        return scored(*given)
+    except InputError as error:
+        unscored.append(f"{name}: {error}")
+        return {"scores": None, "not_scored": str(error)}
+
+
+def _print(folder: Path, summaries: list[dict], interval: list[str], unit: str = "") -> None:
+    """Print what the recordings came to, and what is to be known of their scores; folder: with summary.json."""
+    from pipeline.inference import predictions
+
     for said in summaries[:MOST_LINES]:
-        print(sentence(said, card.target.unit), *outside(said), sep="\n")
-    print(kept.interval(card), f"written to {target}", sep="\n")
-    _end(given, target, logs, unread)
+        print(sentence(said, unit), *outside(said), sep="\n")
+    if len(summaries) > MOST_LINES:
+        print(f"and {len(summaries) - MOST_LINES} more recordings, in summary.json")
+    if warning := predictions.read_summary(folder).get("warning"):
+        print(warning)
+    print(*interval, sep="\n")
 
 
 def _each(logs: Mapping[str, Path], opened: Callable[[Path, str], T], unread: list[str]) -> Iterator[T]:
@@ -142,14 +162,18 @@ def _each(logs: Mapping[str, Path], opened: Callable[[Path, str], T], unread: li
         raise InputError(f"none of {len(logs)} logs can be read; the first: {unread[0]}")
 
 
-def _end(given: argparse.Namespace, target: Path, logs: Mapping, unread: list[str]) -> None:
-    """Give the answer that --json asks for; InputError where some logs could not be read, which are listed."""
+def _end(given: argparse.Namespace, target: Path, logs: Mapping, unread: list[str], unscored: list[str]) -> None:
+    """Give the answer that --json asks for; list logs that could not be read or scored, and raise InputError."""
     from pipeline.inference import predictions
 
-    arguments.answer(given, predictions.read_summary(target) | {"written_to": str(target), "not_read": unread})
-    if unread:
-        print("not read:", *unread, sep="\n  ")
-        raise InputError(f"{len(unread)} of {len(logs)} logs cannot be read; the others are predicted")
+    listed = {"not_read": unread, "not_scored": unscored}
+    arguments.answer(given, predictions.read_summary(target) | {"written_to": str(target)} | listed)
+    said = {"not_read": "cannot be read", "not_scored": "cannot be scored"}
+    for name, sentences in listed.items():
+        if sentences:
+            print(f"{name.replace('_', ' ')}:", *sentences, sep="\n  ")
+    if problems := [f"{len(listed[name])} of {len(logs)} logs {words}" for name, words in said.items() if listed[name]]:
+        raise InputError(f"{' and '.join(problems)}; {'the others' if unread else 'all'} are predicted")
 
 
 def _asked(given: argparse.Namespace, experiment: str, model: Mapping) -> tuple[Path, dict[str, Path], Path]:
@@ -212,5 +236,15 @@ def sentence(said: Mapping, unit: str = "") -> str:
         for name, span in said.items()
         if name.endswith("_mm")
     ]
-    parts += [f"{name} {value:.3g}" for name, value in list(said.get("scores", {}).items())[:2]]
-    return f"{said['recording']}: " + ", ".join(parts)
+    if reason := said.get("not_scored"):
+        parts.append(reason if reason in kept.NO_TEST else "not scored, for the reason below")
+    words = ", ".join([*parts, *_first_two(said.get("scores"))])
+    if test := said.get("held_out_of"):
+        words += f"; held out ({test})"
+    if held_out := said.get("held_out"):
+        words += f": {', '.join(_first_two(held_out))}"
+    return f"{said['recording']}: {words}"
+
+
+def _first_two(scores: Mapping | None) -> list[str]:
+    return [f"{name} {value:.3g}" for name, value in list((scores or {}).items())[:2]]

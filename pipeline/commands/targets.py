@@ -94,7 +94,7 @@ def of_own(
             sheet.write(draft, "sheet", sheets)
     with files.replacing_folder(trained) as draft:
         (draft / MODEL).mkdir()
-        keep(draft / MODEL, checkout, experiment, settings, data, made, effort)
+        keep(draft / MODEL, checkout, experiment, folder, settings, data, made, effort)
     for warning in made.tested.warnings:
         print(f"warning: {warning}")
     print(f"\n{target}/README.md: what the models score on groups that they have not seen")
@@ -102,14 +102,21 @@ def of_own(
 
 
 def keep(
-    folder: Path, checkout: Workspace, experiment: str, settings: Mapping, data: Data, made: Section, effort: Effort
+    target: Path,
+    checkout: Workspace,
+    experiment: str,
+    folder: Path,
+    settings: Mapping,
+    data: Data,
+    made: Section,
+    effort: Effort,
 ) -> None:
-    """Fit the model that all groups choose, and write it to a folder, which exists."""
+    """Fit the model that all groups choose, and write it to the folder `target`, which exists; folder: of the logs."""
     final = validate.final(made.windows, data.target.kind, effort.trees)
     scores = made.tested.scores
     names = scores[scores["model"] == validate.CHOSEN]["metric"].unique()
     kept.write(
-        folder,
+        target,
         final,
         made.windows,
         {name: validate.over_tests(made.tested, validate.CHOSEN, name).mean for name in names},
@@ -123,4 +130,6 @@ def keep(
         correlation=kept.correlated(data, experiment),
         commit=provenance.git_state(checkout)[0],
         trained_on=kept.trained_on(data, experiment, settings),
+        logs=kept.logs(folder, data, experiment, made.windows),
+        tests=kept.tests(made.tested),
     )

@@ -97,6 +97,14 @@ class Calibration(Part):
     coverage: list[Coverage]
 
 
+class Log(Part):
+    """A recording of the dataset that a model was trained or tested on."""
+
+    name: str  # condition/recording
+    sha256: str  # of the sensor's log, files.content_sha256
+    parts: list[str]  # of the split that its rows are in: train, validation, test
+
+
 class Card(Part):
     """All that a saved model needs beside its weights."""
 
@@ -118,6 +126,8 @@ class Card(Part):
     correlation: Correlation | None = None  # of the channels in training; None: not known, or it tells nothing
     calibration: Calibration | None = None  # None: predictions have no interval
     trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
+    source: str | None = None  # of its logs: simulated, data/own/..., or the public recordings' name; None: not known
+    logs: list[Log] | None = None  # None: nobody knows which logs it was trained on
 
     @property
     def output_shape(self) -> tuple[int, ...]:

@@ -100,6 +100,7 @@ class Describer:
             best_epoch=fit["best_epoch"],
             scores=[],
             sha256=files.sha256(cards.weights_file(folder)),
+            source=settings.get("source", experiment),
         )
 
 

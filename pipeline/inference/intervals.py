@@ -8,7 +8,7 @@ force is off by more the harder it is pressed, and one without.
 import numpy as np
 
 from pipeline.inference import touches
-from pipeline.inference.card import Bound, Card
+from pipeline.inference.card import Bound, Calibration, Card
 from pipeline.scoring import conformal
 
 PEAK, FORCE, OBJECT, SET = "peak_kpa", "force_n", "object", "objects"  # of maps and images; of series, outputs.names
@@ -127,7 +127,7 @@ def unit(output: str, card: Card) -> str:
 
 
 def sentences(card: Card) -> list[str]:
-    """Say what the interval of each output is, and on how much it was calibrated."""
+    """Say what the interval of each output is, on how much it was calibrated, and where it held too little or much."""
     given = card.calibration
     if given is None:
         return ["no interval: this model's card has no calibration"]
@@ -136,6 +136,8 @@ def sentences(card: Card) -> list[str]:
         of = each.output if each.case == ALWAYS else f"{each.output}, {each.case}"
         unit_ = unit(each.output, card)
         on = f"calibrated on {each.groups} {conformal.plural(given.group, each.groups)} of the validation part"
+        if each.value is not None and (held := _held(given, each)):
+            on += f"; {held}"
         if each.value is None:
             words.append(f"{of}: no interval; {on}, and {percent} need {conformal.least(given.level)}")
         elif each.output == OBJECT:
@@ -152,3 +154,11 @@ def sentences(card: Card) -> list[str]:
             f"the model was trained on {conformal.plural(given.group)} of the validation part: of new ones it errs more"
         )
     return words
+
+
+def _held(given: Calibration, of: Bound) -> str:
+    """Say the coverage of a bound on the test part, as conformal.held; tests of too few groups count alone only."""
+    tests = [each for each in given.coverage if (each.output, each.case) == (of.output, of.case)]
+    told = [each for each in tests if each.groups >= conformal.least(given.level)] or tests
+    shares = {f"{each.condition}, {each.groups} of them": each.share for each in told}
+    return conformal.held(shares, conformal.plural(given.group))

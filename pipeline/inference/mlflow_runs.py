@@ -267,9 +267,12 @@ class Models:
     """Makes the files of trainings: settings, curve, and a model that MLflow opens; nothing in it is pickled."""
 
     def __init__(self, workspace: Workspace, experiment: str, values: Mapping, commit: str, drafts: Path):
-        from pipeline.inference.describer import Describer  # here, because the import of torch takes 2 s
+        from pipeline.inference import training_logs  # here, because the import of torch takes 2 s
+        from pipeline.inference.describer import Describer
 
         self.describer, self.commit, self.drafts = Describer(workspace, values, experiment), commit, drafts
+        digests = training_logs.digests(workspace, values[experiment], experiment)
+        self.with_logs = lambda card: training_logs.added(workspace, values[experiment], card, digests)
         self.readings, self.saved = self.describer.readings(), {}
         self.settings = [
             file for file in params.settings_files(workspace.params) if file.stem in ("params", experiment)
@@ -278,6 +281,7 @@ class Models:
     def draft(self, run: Run) -> tuple[Path, list[str]]:
         """Return the folder of a training's files, and sentences on what its model takes and gives."""
         card = self.describer.card(run.tags["model"], run.tags["protocol"], int(run.tags["seed"]), self.commit)
+        card = self.with_logs(card)
         told, weights, folder = _told(card), cards.weights_file(run.folder), self.drafts / "run"
         key = (weights.name, card.reach(), *told.values())
         if key not in self.saved:  # a second for MLflow; models alike but for their weights are copied

@@ -8,7 +8,7 @@ from pathlib import Path
 from pipeline.base import params, paths, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.inference import calibration, channels
+from pipeline.inference import calibration, channels, training_logs
 from pipeline.inference import card as cards
 from pipeline.inference.describer import Describer
 from pipeline.targets import kept
@@ -39,6 +39,8 @@ def make(
     shutil.copy(weights, target / weights.name)
     described = of_run(workspace, values, experiment, model, protocol, seed)
     card = calibration.calibrated(workspace, values, described, refit)
+    digests = training_logs.digests(workspace, values[experiment], experiment)
+    card = training_logs.added(workspace, values[experiment], card, digests)
     cards.write(target, card)
     return card
 

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from pipeline.base import files, ranges
 from pipeline.datasets import schemas
-from pipeline.inference import intervals, touches
+from pipeline.inference import intervals, recordings, touches
 from pipeline.inference.card import Card
 from pipeline.inference.recordings import Predicted, Recording
 
@@ -63,11 +63,11 @@ def rows(recording: Recording, predicted: Predicted, card: Card) -> Iterator[pa.
         yield pa.table(columns, schema=pa.schema([wanted.field(name) for name in columns])).select(wanted.names)
 
 
-def summary(recording: Recording, of_recording: Predicted, card: Card, scores: Sequence[tuple]) -> dict:
+def summary(recording: Recording, of_recording: Predicted, card: Card, scored: Mapping) -> dict:
     """Return what one recording came to: readings, rejected lines by reason, gaps, and the range of the predictions.
 
     Where the card has the ranges of its training also the share of readings outside, with a sentence where there are
-    any. scores: (metric, unit, value, n) where the ground truth is known.
+    any. scored: as of `recordings.scored`.
     """
     predicted, outside = of_recording.values, of_recording.outside
     known = ~np.isnan(predicted.reshape(len(predicted), -1)).any(axis=1)
@@ -94,9 +94,7 @@ def summary(recording: Recording, of_recording: Predicted, card: Card, scores: S
         said["share_outside_training"] = float(outside.mean()) if len(outside) else 0.0
     if of_recording.notes:
         said["notes"] = list(of_recording.notes)
-    if scores:
-        said["scores"] = {f"{metric} ({unit})" if unit != "1" else metric: value for metric, unit, value, _ in scores}
-    return said
+    return said | scored
 
 
 def _range(predicted: np.ndarray, card: Card) -> dict:
@@ -159,23 +157,31 @@ def write(
     logs: Path,
     predicted: Sequence[tuple[Recording, Predicted]],
     card: Card,
-    scores: Sequence[Sequence[tuple]],
+    scored: Sequence[Mapping],
 ) -> list[dict]:
     """Write predictions.parquet and summary.json to a folder; return the summaries, one per recording.
 
-    logs: the absolute path of LOGS; scores: as of `summary`, one entry per recording.
+    logs: the absolute path of LOGS; scored: as of `summary`, one entry per recording.
     """
     parts = (part for recording, of_recording in predicted for part in rows(recording, of_recording, card))
     schemas.write(folder / "predictions.parquet", schema(card), parts)
     said = [
-        summary(recording, of_recording, card, scored)
-        for (recording, of_recording), scored in zip(predicted, scores, strict=True)
+        summary(recording, of_recording, card, of_scores)
+        for (recording, of_recording), of_scores in zip(predicted, scored, strict=True)
     ]
-    write_summary(folder, model_of(card), logs, intervals.sentences(card), said)
+    write_summary(folder, model_of(card), logs, intervals.sentences(card), said, recordings.unknown(card))
     return said
 
 
-def write_summary(folder: Path, model: Mapping, logs: Path, interval: list[str], said: list[dict]) -> None:
-    """Write summary.json; model: as `model_of`; interval: sentences on it; said: the summaries of recordings."""
-    content = {"model": model, "logs": str(logs), "interval": interval, "recordings": said}
+def write_summary(
+    folder: Path, model: Mapping, logs: Path, interval: list[str], said: list[dict], unknown: str
+) -> None:
+    """Write summary.json; model: as `model_of`; interval: sentences on it; said: the summaries of recordings.
+
+    unknown: what nobody knows of the logs that the model was trained on, which is added where there are scores.
+    """
+    content = {"model": model, "logs": str(logs), "interval": interval}
+    if unknown and any(each.get("scores") for each in said):
+        content["warning"] = unknown
+    content["recordings"] = said
     files.write_text(folder / SUMMARY, json.dumps(content, indent=1) + "\n")

@@ -3,6 +3,7 @@
 Lines are checked and ordered as in training (pipeline/logs/parse.py), and what training left out is left out here.
 """
 
+import contextlib
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,21 +13,23 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments, tasks
-from pipeline.base import correlation
+from pipeline.base import correlation, files
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.datasets.series import Record
 from pipeline.inference import timing
 from pipeline.inference.card import Card
 from pipeline.inference.predictor import Predictor
-from pipeline.logs import layout, packets, parse, unmeasured
+from pipeline.logs import layout, packets, parse, sources, unmeasured
 from pipeline.logs.formats import LOGS, second
 from pipeline.scoring import classification, metrics
+from pipeline.targets import kept
 from pipeline.targets.read import FORMATS
 
 TRUTH = {"touch": ("load_cell.log", "cnc.log"), "strain": ("robot.log",)}  # logs beside the sensor's
 OF_ONE_ELEMENT = ("load_cell.log",)  # which cannot tell a place
-PATTERNS = {"velostat_recorded": "velostat_data/*/*.txt", "strain_recorded": "*.mat", "glove_recorded": "*.xml"}
+SIMULATED = "simulated"  # as a source of logs
+TRAIN, TEST = "train", "test"  # parts of a split
 
 
 NOTHING = np.empty(0, int)
@@ -48,18 +51,42 @@ class Recording(NamedTuple):
 
 
 def logs(place: Path, experiment: str) -> list[Path]:
-    """Return the sensor's logs in a folder, or the one log that is named; InputError where there is none."""
-    pattern = LOGS.get(experiment, PATTERNS.get(experiment))
+    """Return the sensor's logs in a folder, or the one log that is named; InputError where there is none.
+
+    Public recordings are those that their experiment finds, in the folder or in one around or in it.
+    """
+    if not place.exists():
+        wanted = f"{LOGS[experiment]} in it" if experiment in LOGS else f"recordings of {experiment} in it"
+        raise InputError(f"{place}: not found; name a log or a folder with {wanted}")
+    if experiment not in LOGS:
+        return [place] if place.is_file() else _recorded(place, experiment)
+    pattern = LOGS[experiment]
     if place.is_file():
         if experiment == "glove" and place.name != pattern:
             raise InputError(f"{place}: a log of {experiment} is called {pattern}; name such a log, or its folder")
         return [place]
-    if not place.is_dir():
-        raise InputError(f"{place}: not found; name a log or a folder with {pattern} in it")
     logs_ = sorted(place.rglob(pattern))
     if not logs_:
         raise InputError(f"{place}: no {pattern} in it or below; name a log of {experiment} or its folder")
     return logs_
+
+
+def _recorded(place: Path, experiment: str) -> list[Path]:
+    """Return the public recordings in a folder: all, some of them (an object's grasps), or those in a folder below."""
+    module, whole, found = experiments.module(experiment), place.absolute(), []
+    below = sorted(path for path in place.rglob("*") if path.is_dir())
+    for folder in (place, *itertools.islice(whole.parents, 2), *below):
+        with contextlib.suppress(InputError):  # it is not the folder that they lie in
+            found += [path for path in module.recordings(folder) if path.absolute().is_relative_to(whole)]
+    listed = [Path(path).name for path in sources.files(experiment)]
+    if len(set(listed)) == len(listed):  # their names tell them apart, so they may lie side by side
+        found += sorted(path for path in place.rglob("*") if path.name in listed)
+    if not found:
+        raise InputError(
+            f"{place}: nothing in it is called and placed as recordings of {experiment} are; name one of them, or a "
+            f"folder such as `tactile fetch {experiment}` makes"
+        )
+    return list(dict.fromkeys(path.absolute() for path in found))
 
 
 def names(place: Path, logs_: Sequence[Path], experiment: str) -> list[str]:
@@ -215,13 +242,72 @@ def too_short(card: Card, step: int, longest: int) -> str:
 
 
 def has_truth(recording: Recording, card: Card) -> bool:
-    """Tell whether the ground truth lies beside a log, so that predictions can be scored."""
+    """Tell whether the ground truth lies beside a log, so that predictions can be scored.
+
+    That of public recordings is read with them. A log beside which its folder has the log that is called as the
+    experiment's is another one than the truth is of.
+    """
     if card.kind == "images":
         return recording.condition in card.outputs.names
+    if card.experiment not in LOGS:
+        return True
+    if recording.path.name != LOGS[card.experiment]:
+        return False
     wanted = TRUTH.get(card.experiment, ())
     if card.kind == "windows" and card.shapes.rows * card.shapes.cols == 1:
         wanted = OF_ONE_ELEMENT
     return all((recording.path.parent / name).is_file() for name in wanted)
+
+
+def scored(model: Predictor, recording: Recording) -> dict:
+    """Return what the summary of a recording says of scores: {} without ground truth, else `scores`, metric -> value.
+
+    A recording that was in the training or validation part has none, but the reason as `not_scored`, and as `held_out`
+    the card's scores of the test part in its condition. `held_out_of` says which test that is, or that it is of this
+    very recording. Errors as `scores`.
+    """
+    card = model.card
+    digest = files.content_sha256(recording.path) if card.logs else ""
+    known = [log for log in card.logs or [] if log.sha256 == digest]
+    parts = {part for log in known for part in log.parts}
+    test = f"test part of `{card.protocol}`, seed {card.seed}"
+    if parts - {TEST}:
+        said = {"scores": None, "not_scored": kept.SEEN if TRAIN in parts else kept.VALIDATED}
+        held_out = named(_of_test(card, known[0].name.partition("/")[0]), card)
+        return said | ({"held_out": held_out, "held_out_of": test} if held_out else {})
+    if not has_truth(recording, card):
+        return {}
+    found = {"scores": named(scores(model, recording.path), card)}
+    return found | {"held_out_of": test} if parts else found
+
+
+def unknown(card: Card) -> str:
+    """Say what nobody knows of the logs that a model was trained on; empty where its card has them."""
+    if card.logs is not None:
+        return ""
+    if card.source == SIMULATED:
+        return f"{kept.UNKNOWN.replace('logs', 'simulated logs', 1)}; logs of a real sensor are none of them"
+    return kept.UNKNOWN
+
+
+def _of_test(card: Card, condition: str) -> list[metrics.Row]:
+    """Return the scores of the test part in a condition; where it has none, in the first that has some."""
+    rows = [each for each in card.scores if each.value is not None and each.metric != "force_gain"]
+    chosen = condition if any(each.condition == condition for each in rows) else rows[0].condition if rows else ""
+    return [(each.metric, each.unit, each.value, each.n) for each in rows if each.condition == chosen]
+
+
+def named(rows: Sequence[metrics.Row], card: Card) -> dict[str, float]:
+    """Return scores by metric and unit, without those that nothing tells.
+
+    Of one element, whose map is a force, those of the force come first.
+    """
+    found = {f"{metric} ({unit})" if unit != "1" else metric: value for metric, unit, value, _ in rows}
+    found = {name: value for name, value in found.items() if np.isfinite(value)}
+    if card.kind == "windows" and card.shapes.rows * card.shapes.cols == 1:
+        first = ("force_rmse (N)", "force_r2")
+        return {name: found[name] for name in first if name in found} | found
+    return found
 
 
 def scores(model: Predictor, path: Path) -> list[metrics.Row]:

@@ -14,6 +14,7 @@ the rank above. One score per group, its largest error, would promise a whole pr
 than a 90 % interval says; one random frame per group throws away the others and depends on the draw.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -114,7 +115,24 @@ class Coverage(NamedTuple):
     @property
     def flagged(self) -> bool:
         """Tell whether the share is outside PLAUSIBLE."""
-        return not PLAUSIBLE[0] <= self.share <= PLAUSIBLE[1]
+        return flagged(self.share)
+
+
+def flagged(share: float) -> bool:
+    """Tell whether a measured coverage is outside PLAUSIBLE."""
+    return not PLAUSIBLE[0] <= share <= PLAUSIBLE[1]
+
+
+def held(shares: Mapping[str, float], groups: str) -> str:
+    """Say the coverage that has to stand wherever an interval does: the lowest of those that are flagged; "": none is.
+
+    shares: of each test that has one; groups: what is held out in them, such as presses.
+    """
+    outside = {test: share for test, share in shares.items() if flagged(share)}
+    if not outside:
+        return ""
+    lowest = min(outside, key=outside.get)
+    return f"on held-out {groups} it held {100 * outside[lowest]:.3g} % ({lowest})"
 
 
 def coverage(inside: np.ndarray, groups: np.ndarray | None = None) -> Coverage:

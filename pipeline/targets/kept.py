@@ -17,19 +17,36 @@ from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.logs import unmeasured
+from pipeline.logs.formats import LOGS
 from pipeline.scoring import conformal, metrics
 from pipeline.settings.targets import Target
 from pipeline.targets import features, models, read, validate
 from pipeline.targets.features import Windows
 from pipeline.targets.read import Data, Readings
-from pipeline.targets.validate import Final
+from pipeline.targets.validate import Final, Tested
 
 CARD = "target.json"
 TRUSTED = ("sklearn.tree._tree.Tree",)  # node indices are not checked on loading: load your own files only
 READ = ("sensor", "ingest")  # blocks of settings that say how a log is read
 SAME_RATE = 1.1  # ratio of times from reading to reading, as inference.timing.TOLERANCE
 SOME_VALUES = 1 << 22  # of statistics at once, 16 MB
+SEEN = "trained on this recording: no test"
+VALIDATED = "this recording is of the validation part: no test"
+NO_TEST = (SEEN, VALIDATED)  # reasons why a recording with a truth is not scored
+UNKNOWN = (
+    "the model's card does not say which logs it was trained on; the scores of a log that was one of them are no test"
+)
 UNITS = {"touch": "counts", "strain": "V", "glove": "levels"}  # of readings where the settings name none
+
+
+class Log(BaseModel):
+    """A recording that a model was fitted to."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str  # its path below the sensor's folder
+    sha256: str  # of the sensor's log, files.content_sha256
+    tests: list[str]  # in which it was held out
 
 
 class Card(BaseModel):
@@ -56,6 +73,8 @@ class Card(BaseModel):
     interval_s: float | None = None  # from one reading of the training to the next; None: not known
     correlation: Correlation | None = None  # of the channels in training; None: not known, or it tells nothing
     trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
+    logs: list[Log] | None = None  # None: nobody knows which logs it was fitted to
+    tests: dict[str, dict[str, float]] = {}  # test -> metric -> value, by the model that the other groups chose
 
 
 class Kept(NamedTuple):
@@ -104,6 +123,26 @@ def trained_on(data: Data, experiment: str, settings: Mapping) -> list[ranges.Co
         return ranges.of_areas(x, areas, list(areas))
     mean_margin = ranges.MEAN_MARGIN_OF_TOUCHES if experiment == "touch" else ranges.MEAN_MARGIN
     return [ranges.of(x, "v", 0, range(x.shape[1]), mean_margin)]
+
+
+def logs(folder: Path, data: Data, experiment: str, windows: Windows) -> list[Log]:
+    """Return the recordings below a sensor's folder that windows are of, with the tests in which they were held out."""
+    fold, names, _ = validate.tests(windows, data.by)
+    found = []
+    for number in np.unique(windows.recording):
+        name, held_out = data.series[number].name, np.unique(fold[windows.recording == number])
+        digest = files.content_sha256(folder / name / LOGS[experiment])
+        found.append(Log(name=name, sha256=digest, tests=[names[k] for k in held_out]))
+    return found
+
+
+def tests(tested: Tested) -> dict[str, dict[str, float]]:
+    """Return test -> metric -> value of the models that the other groups chose."""
+    of_chosen = tested.scores[tested.scores["model"] == validate.CHOSEN]
+    return {
+        name: {metric: float(value) for metric, value in zip(rows["metric"], rows["value"], strict=True)}
+        for name, rows in of_chosen[np.isfinite(of_chosen["value"])].groupby("test", sort=False)
+    }
 
 
 def load(folder: Path) -> Kept:
@@ -215,10 +254,9 @@ def table(name: str, log: Readings, said: Predicted, card: Card) -> pa.Table:
 
 
 def summary(name: str, path: Path, log: Readings, said: Predicted, card: Card) -> dict:
-    """Return what a recording came to: readings, rejected lines by reason, range or counts of predictions, scores.
+    """Return what a recording came to: readings, rejected lines by reason, range or counts of predictions.
 
-    Of a class also the vote of the whole recording. Scores are there where the truth lies beside the log, or is the
-    name of a folder that is a class; errors as `read.truth_of`.
+    Of a class also the vote of the whole recording.
     """
     found = {
         "recording": name,
@@ -242,12 +280,38 @@ def summary(name: str, path: Path, log: Readings, said: Predicted, card: Card) -
         found["share_outside_training"] = float(said.outside.mean())
     if told := notes(log, card):
         found["notes"] = told
-    if scores := scored(path.parent, log, said, card):
-        found["scores"] = scores
     return found
 
 
-def scored(folder: Path, log: Readings, said: Predicted, card: Card) -> dict[str, float]:
+def scored(path: Path, log: Readings, said: Predicted, card: Card) -> dict:
+    """Return what the summary of a recording says of scores: {} without a truth, else `scores`, metric -> value.
+
+    A recording that the model was fitted to has none, but the reason as `not_scored`, and as `held_out` the scores of
+    the tests in which it was held out, their mean where it was in several; `held_out_of` names them. Errors as
+    `read.truth_of`.
+    """
+    digest = files.content_sha256(path) if card.logs else ""
+    known = [test for each in card.logs or [] if each.sha256 == digest for test in each.tests]
+    if not known:
+        found = scores(path.parent, log, said, card)
+        return {"scores": found} if found else {}
+    held_out = [card.tests[name] for name in dict.fromkeys(known) if name in card.tests]
+    metrics_ = dict.fromkeys(metric for each in held_out for metric in each)
+    means = {
+        heading(metric, card): float(np.mean([each[metric] for each in held_out if metric in each]))
+        for metric in metrics_
+    }
+    test = f"test of {known[0]}" if len(held_out) == 1 else f"{len(held_out)} tests that it is in"
+    found = {"scores": None, "not_scored": SEEN}
+    return found | ({"held_out": means, "held_out_of": test} if means else {})
+
+
+def heading(metric: str, card: Card) -> str:
+    """Return the name of a metric, with its unit where that is the target's."""
+    return f"{metric} ({card.target.unit})" if metric in (validate.RMSE, validate.HALF_WIDTH) else metric
+
+
+def scores(folder: Path, log: Readings, said: Predicted, card: Card) -> dict[str, float]:
     """Return the scores of single readings, with the share of intervals or sets that hold the truth; {} without truth.
 
     Readings outside the training have no interval or set, and do not count in that share.
@@ -261,26 +325,29 @@ def scored(folder: Path, log: Readings, said: Predicted, card: Card) -> dict[str
     truth, guess = truth[known], said.guess[known]
     if target.kind == "continuous":
         rows = metrics.overall(truth[:, None], guess, target.unit)
-        names = (f"{validate.RMSE} ({target.unit})", validate.R2)
+        names = (heading(validate.RMSE, card), validate.R2)
         inside = (said.low[known] <= truth) & (truth <= said.high[known])
-        scores = {each: value for each, (_, _, value, _) in zip(names, rows, strict=True) if np.isfinite(value)}
+        found = {each: value for each, (_, _, value, _) in zip(names, rows, strict=True) if np.isfinite(value)}
     else:
         answer, truth = np.array(card.classes)[guess.argmax(axis=1)], truth.astype(str)
         inside = (said.sets[known] & (truth[:, None] == np.array(card.classes))).any(axis=1)
-        scores = {"right": float(np.mean(answer == truth))}
+        found = {"right": float(np.mean(answer == truth))}
         if target.kind == "event":
             names = ("precision", "recall", "F1")
-            scores |= dict(zip(names, map(float, validate.f1(truth == "True", answer == "True")), strict=True))
+            found |= dict(zip(names, map(float, validate.f1(truth == "True", answer == "True")), strict=True))
     told = ~said.outside[known]
-    return scores | ({validate.COVERAGE: float(inside[told].mean())} if card.bound is not None and told.any() else {})
+    return found | ({validate.COVERAGE: float(inside[told].mean())} if card.bound is not None and told.any() else {})
 
 
 def interval(card: Card) -> str:
-    """Say what the intervals or sets are of, and on how much they were calibrated."""
+    """Say what the intervals or sets are of, on how much they were calibrated, and where they do not hold."""
     on = f"calibrated on {card.units} presses or pieces of recordings, by models of other parts of the groups"
-    percent = f"{100 * conformal.LEVEL:.0f} %"
+    percent, what = f"{100 * conformal.LEVEL:.0f} %", "set" if card.classes else "interval"
     if card.bound is None:
-        return f"{card.target.name}: no {percent} {'set' if card.classes else 'interval'} can be told; {on}"
+        return f"{card.target.name}: no {percent} {what} can be told; {on}"
+    coverage = {test: scores[validate.COVERAGE] for test, scores in card.tests.items() if validate.COVERAGE in scores}
+    limits = validate.held(coverage, card.by), validate.within(len(card.groups), card.by, what)
+    on = "; ".join([on, *filter(None, limits)])
     if card.classes:
         return f"{card.target.name}: {percent} set, of all with a score of {card.bound:.3g} or more; {on}"
     return f"{card.target.name}: {percent} interval, +- {card.bound:.3g} {card.target.unit}; {on}"

@@ -172,7 +172,8 @@ def column_of(path: Path, target: Target, experiment: str, settings: Mapping) ->
     fmt = Format((clock, Column(target.name, target.unit, -LARGEST, LARGEST, words=words)), time=clock.name)
     given = dict(layout.of(settings["ingest"], path.name) or {"separator": ","}) | {"columns": [target.column]}
     if isinstance(target.column, int) and path.is_file():
-        given.setdefault("width", sniff.columns_a_line(path, given.get("separator", ",")))
+        width = sniff.columns_a_line(path, given.get("separator", ","))  # 0 of an empty file
+        given.setdefault("width", width or target.column)
     rows, _ = log(path, fmt, experiment, settings, given)
     strain.check_clock(path, rows)
     values = rows[target.name].to_numpy()

@@ -5,7 +5,7 @@ choose the penalty of ridge regression and the row of the table that is the prod
 its 90 % intervals. The group that is tested is read once, after that.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,9 +53,29 @@ def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> 
         chosen[name] = best
         for row, guess in (*guesses.items(), (CHOSEN, guesses[best])):
             scores += [(name, row, *score) for score in scored(windows, test, guess, kind, unit)]
-        held = covered(windows, trains, held_out[best], test, guesses[best], kind, unit)
-        scores += [(name, CHOSEN, *score) for score in held]
-    return Tested(pd.DataFrame(scores, columns=COLUMNS), chosen, list(dict.fromkeys(warnings)), len(windows.groups))
+        of_intervals = covered(windows, trains, held_out[best], test, guesses[best], kind, unit)
+        scores += [(name, CHOSEN, *score) for score in of_intervals]
+    found = pd.DataFrame(scores, columns=COLUMNS)
+    groups = len(windows.groups)
+    coverage = found[(found["metric"] == COVERAGE) & np.isfinite(found["value"])].set_index("test")["value"]
+    what = "interval" if kind == "continuous" else "set"
+    if words := held(coverage, by):
+        warnings.append(f"A 90 % {what} is off: {words}.")
+    if len(coverage) and (words := within(groups - 1, by, what)):  # the group that is tested calibrates nothing
+        warnings.append(f"In each test, a 90 % {what} is calibrated {words}.")
+    return Tested(found, chosen, list(dict.fromkeys(warnings)), groups)
+
+
+def held(coverage: Mapping[str, float], by: str) -> str:
+    """Say the coverage that has to stand wherever an interval does, as conformal.held; coverage: test -> share."""
+    return conformal.held(coverage, "parts" if by == "time" else conformal.plural(by))
+
+
+def within(groups: int, by: str, what: str) -> str:
+    """Say within what an interval or a set holds, calibrated on so many groups; empty where it is on several."""
+    if by == "time":
+        return f"within the same recordings: no {what} for another recording"
+    return f"within one {by}: no {what} for another {by}" if groups <= 1 else ""
 
 
 def tests(windows: Windows, by: str) -> tuple[np.ndarray, list[str], list[str]]:

@@ -38,12 +38,12 @@ def angles(folder: Path, people=("anna", "ben", "cleo"), seconds=40.0, split=PER
     return settings(folder, STRAIN, target, split)
 
 
-def objects(folder: Path, days=2, grasps=6):
-    """Write a mat's logs, <object>/<day>_<grasp>: three objects; a frame alone is noisy."""
+def objects(folder: Path, days=2, grasps=6, first=0):
+    """Write a mat's logs, <object>/<day>_<grasp>: three objects, grasps from `first` on; a frame alone is noisy."""
     taken = []  # of all frames: whether it is nearer to another object
     for number, name in enumerate(("ball", "cup", "plate")):
         pattern = 400 + 60 * np.roll([3, 1, 0, 0], number)
-        for k in range(days * grasps):
+        for k in range(first, first + days * grasps):
             rng = np.random.default_rng([number, k])
             counts = pattern + rng.normal(0, 90, (30, 4))
             others = np.stack([400 + 60 * np.roll([3, 1, 0, 0], other) for other in range(3)])

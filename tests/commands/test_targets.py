@@ -100,8 +100,8 @@ def test_the_model_of_a_class_names_sets(workspace, called, tmp_path, monkeypatc
     asked = (folder / "settings.yaml").read_text()
     (folder / "settings.yaml").write_text(asked.replace("folder: 1", "folder: 1\n  window_s: 0.1"))
     model = trained(called, monkeypatch, workspace, folder)
-    logs = free_targets.objects(tmp_path / "new", grasps=1)
-    (logs / "cup" / "day0_0").rename(logs / "cup" / "unknown")
+    logs = free_targets.objects(tmp_path / "new", grasps=1, first=12)
+    (logs / "cup" / "day0_12").rename(logs / "cup" / "unknown")
     (logs / "cup").rename(logs / "what")
     called("predict", model, logs, "--out", tmp_path / "out")
     table = pq.read_table(tmp_path / "out" / "predictions.parquet").to_pandas()
@@ -109,10 +109,10 @@ def test_the_model_of_a_class_names_sets(workspace, called, tmp_path, monkeypatc
         each["recording"]: each for each in json.loads((tmp_path / "out" / "summary.json").read_text())["recordings"]
     }
     assert {name: each["vote"] for name, each in summary.items()} == {
-        "ball/day0_0": "ball", "ball/day1_1": "ball", "plate/day0_0": "plate", "plate/day1_1": "plate",
-        "what/unknown": "cup", "what/day1_1": "cup",
+        "ball/day0_12": "ball", "ball/day1_13": "ball", "plate/day0_12": "plate", "plate/day1_13": "plate",
+        "what/unknown": "cup", "what/day1_13": "cup",
     }  # fmt: skip
-    assert "scores" not in summary["what/unknown"] and summary["ball/day0_0"]["scores"]["coverage"] > 0.7
+    assert "scores" not in summary["what/unknown"] and summary["ball/day0_12"]["scores"]["coverage"] > 0.7
     sizes = table["set"].map(len)
     assert (table["set"].map(lambda names: names[0]) == table["predicted"]).all() and sizes.min() == 1 < sizes.max()
     assert np.stack(table["score"]).sum(axis=1) == pytest.approx(1)

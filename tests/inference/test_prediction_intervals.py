@@ -16,7 +16,7 @@ from pipeline.inference import calibration, intervals, predictions, predictor
 from pipeline.inference import card as cards
 from pipeline.inference.recordings import Predicted, Recording
 from pipeline.learning.trained import Trained
-from pipeline.live import outputs
+from pipeline.live import outputs, server
 from pipeline.live.session import Prediction
 from pipeline.live.source import Reading
 from pipeline.scoring import conformal
@@ -28,7 +28,7 @@ def written(folder, model: predictor.Predictor, predicted: np.ndarray) -> tuple[
     n, none = len(predicted), schemas.REJECTS.empty_table()
     recording = Recording(folder / "a.log", "a", "b", np.arange(n) / 50, np.zeros((n, 1)), np.zeros(n, int), 0, none)
     of_recording = Predicted(predicted, np.zeros(n, bool), [])
-    predictions.write(folder, folder, [(recording, of_recording)], model.card, [()])
+    predictions.write(folder, folder, [(recording, of_recording)], model.card, [{}])
     table = pq.read_table(folder / "predictions.parquet")
     return {name: table[name].to_pylist() for name in table.column_names}, predictions.read_summary(folder)
 
@@ -96,6 +96,40 @@ def test_live_and_the_exported_reader_give_the_intervals_of_predict(kind, tmp_pa
             assert said[name] is None and row[header.index(name)] == ""
         else:
             assert said[name] == pytest.approx(value, abs=1e-4) == float(row[header.index(name)])
+
+
+def covered(output: str, case: str, condition: str, share: float, groups: int) -> cards.Coverage:
+    return cards.Coverage(
+        condition=condition, output=output, case=case, width=1.0, share=share, low=0.0, high=1.0, groups=groups,
+        rows=10 * groups, reason="",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("tests", "words"),
+    [
+        ([("single", 0.9, 20)], ""),
+        ([("single", 0.69, 20)], "; on held-out presses it held 69 % (single, 20 of them)"),
+        (
+            [("single", 0.9, 20), ("double", 0.7, 9), ("slide", 0.8, 30)],
+            "; on held-out presses it held 70 % (double, 9 of them)",
+        ),
+        ([("single", 0.9, 20), ("double", 0.99, 9)], "; on held-out presses it held 99 % (double, 9 of them)"),
+        ([("single", 0.9, 20), ("double", 0.0, 2)], ""),  # two presses tell nothing beside twenty
+        ([("single", 0.5, 2)], "; on held-out presses it held 50 % (single, 2 of them)"),
+    ],
+)
+def test_an_interval_carries_its_coverage_wherever_it_is_printed(tests, words, tmp_path):
+    """In summary.json, in the model card, on the live page and in what live says; of the output and case it is of."""
+    model = live_models.calibrated("linear", tmp_path / "model")
+    coverage = [covered("force_n", "touch", *each) for each in tests]
+    given = model.card.calibration.model_copy(update={"coverage": coverage})
+    card = model.card.model_copy(update={"calibration": given})
+    peak, touch, rest = intervals.sentences(card)
+    assert touch == f"{intervals.sentences(model.card)[1]}{words}" and "held-out" not in peak + rest
+    assert server.description(card)["intervals"] == [peak, touch, rest]
+    _, summary = written(tmp_path, predictor.Predictor(model.model, card, None), model.predict(live_models.press(20)))
+    assert summary["interval"] == [peak, touch, rest]
 
 
 @pytest.mark.parametrize("kind", live_models.BOUNDS)

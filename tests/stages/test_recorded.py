@@ -1,6 +1,9 @@
 """Recorded data from their files to scores, times and stress: on files made up here, and on the real ones."""
 
+import argparse
+import json
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,6 +13,9 @@ from builders.project import ROOT, leaves, run_stage
 from opened.noted import Noted, ignore_bookkeeping
 
 from pipeline.base import params
+from pipeline.base.errors import InputError
+from pipeline.commands import predict
+from pipeline.inference import recordings as logs
 from pipeline.logs import sources
 from pipeline.stages import agreement, dataset, evaluate, ingest, latency, stress, train, window
 
@@ -24,12 +30,13 @@ PROTOCOLS = {
 
 
 def made_velostat(folder):
-    """Two repetitions of ten presses of 1 s with each of two tips, on a taxel that reads 900 counts at rest."""
+    """Two repetitions of ten presses of 1 s with each of two tips, on a taxel that reads 900 to 903 counts at rest."""
     devices = (("velostat_data", 143.0), ("futek_data", 250.0))
-    for tip, repetition, (device, rate_hz) in product(("pike1_force_20", "pike5_force_20"), ("exp1", "exp2"), devices):
+    runs = enumerate(product(("pike1_force_20", "pike5_force_20"), ("exp1", "exp2")))
+    for (number, (tip, repetition)), (device, rate_hz) in product(runs, devices):
         t = np.arange(0, 20, 1 / rate_hz)
         force = 20 * np.maximum(0, np.sin(np.pi * t)) ** 2
-        values = force if device == "futek_data" else 900 - 20 * force
+        values = force if device == "futek_data" else 900 + number - 20 * force
         path = folder / device / tip / f"exp_{tip}_sensor1_{repetition}.txt"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("".join(f"{v:.4f} {1.6e9 + s:.6f}\n" for v, s in zip(values, t, strict=True)))
@@ -97,11 +104,72 @@ def test_every_setting_of_recorded_data_is_read(workspace, experiment, stages, t
     assert own and sorted(own - read) == []
 
 
+RUN = {"velostat_recorded": "repetition", "strain_recorded": "across_days_xy", "glove_recorded": "grasp_pressure"}
+
+
+def predicted(workspace, experiment, values, place, out) -> dict[str, dict]:
+    """Predict recordings with the model of MODEL, and return their summaries by the name of the file."""
+    protocol = RUN[experiment]
+    name = f"{experiment}/{MODEL[experiment]}/{protocol}/{values[experiment]['protocols'][protocol]['seeds'][0]}"
+    predict.main(workspace, argparse.Namespace(model=name, logs=place, out=out, no_pictures=True))
+    found = json.loads((out / "summary.json").read_text())["recordings"]
+    return {each["log"].rpartition("/")[2]: each for each in found}
+
+
+def check_scores(workspace, experiment, values, found: dict[str, dict]):
+    """Assert that recordings of the test part alone are scored, as the dataset says; return how many are, and not."""
+    seed = values[experiment]["protocols"][RUN[experiment]]["seeds"][0]
+    split = f"split_{RUN[experiment]}_{seed}"
+    table = pd.read_parquet(workspace.dataset(experiment), columns=["recording", split])
+    parts = {name: set(rows) - {"unused"} for name, rows in table.groupby("recording")[split]}
+    for file, each in found.items():
+        own = parts[Path(file).stem]
+        reason = "trained on this recording" if "train" in own else "this recording is of the validation part"
+        assert (each["scores"] is None) == (own != {"test"}) and each.get("not_scored", reason).startswith(reason)
+        assert f"test part of `{RUN[experiment]}`, seed {seed}" == each["held_out_of"]
+    return sum(each["scores"] is not None for each in found.values()), len(found)
+
+
+@pytest.mark.parametrize("experiment", MADE)
+def test_predict_finds_recordings_and_scores_those_that_did_not_train(workspace, experiment, stages, tmp_path):
+    values, folder = settings(experiment, MODEL[experiment]), tmp_path / "made"
+    MADE[experiment](folder)
+    stages(experiment, folder, values)
+    found = predicted(workspace, experiment, values, folder, tmp_path / "out")
+    if experiment == "velostat_recorded":  # whose files have one name in each folder, and both folders one in it
+        assert {name.partition("_sensor")[2] for name in found} == {"1_exp1.txt", "1_exp2.txt"} and len(found) == 4
+        (folder / "futek_data" / "pike1_force_20" / "exp_pike1_force_20_sensor1_exp2.txt").write_text("1 2\n")
+        with pytest.raises(InputError, match="1 of 2 logs cannot be read"):
+            predicted(workspace, experiment, values, folder / "velostat_data" / "pike1_force_20", tmp_path / "out")
+        assert {name: bool(each["scores"]) for name, each in found.items() if "pike5" in name} == {
+            "exp_pike5_force_20_sensor1_exp1.txt": False, "exp_pike5_force_20_sensor1_exp2.txt": True
+        }  # fmt: skip
+        return
+    scored, of = check_scores(workspace, experiment, values, found)
+    assert 0 < scored < of == {"strain_recorded": 2, "glove_recorded": 12}[experiment]
+    one = next(path for path in logs.logs(folder, experiment) if found[path.name]["scores"])
+    assert [*predicted(workspace, experiment, values, one, tmp_path / "out")] == [one.name]
+    within = {each.name for each in logs.logs(one.parent, experiment)}
+    assert within == {path.name for path in folder.rglob("*") if path.is_file() and path.is_relative_to(one.parent)}
+    with pytest.raises(InputError, match=f"nothing in it is called and placed as recordings of {experiment} are"):
+        (tmp_path / "empty").mkdir()
+        logs.logs(tmp_path / "empty", experiment)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("experiment", MADE)
-def test_real_recordings_have_the_committed_scores(workspace, experiment, stages, recordings):
+def test_predict_finds_the_real_recordings(experiment, recordings):
     folder = recordings(experiment)
-    stages(experiment, folder, settings(experiment, MODEL[experiment]))
+    found = logs.logs(folder, experiment)
+    assert len(found) == {"velostat_recorded": 16, "strain_recorded": 2, "glove_recorded": 856}[experiment]
+    assert len(set(logs.names(folder, found, experiment))) == len(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("experiment", MADE)
+def test_real_recordings_have_the_committed_scores(workspace, experiment, stages, recordings, tmp_path):
+    folder, values = recordings(experiment), settings(experiment, MODEL[experiment])
+    stages(experiment, folder, values)
     committed = pd.read_csv(ROOT / "reports" / "scores.csv")
     chosen = (committed["experiment"] == experiment) & (committed["model"] == MODEL[experiment])
     committed = committed[chosen & committed["protocol"].isin(PROTOCOLS[experiment])]
@@ -110,3 +178,7 @@ def test_real_recordings_have_the_committed_scores(workspace, experiment, stages
     )
     assert len(both) == len(committed) > 0
     assert both["value_here"].to_numpy() == pytest.approx(both["value"].to_numpy(), rel=1e-4, nan_ok=True)
+    found = predicted(workspace, experiment, values, folder, tmp_path / "out")
+    if experiment != "velostat_recorded":
+        scored, of = check_scores(workspace, experiment, values, found)
+        assert 0 < scored < of == len(logs.logs(folder, experiment))
