@@ -148,7 +148,7 @@ def check_block(given, kind: type[Block], where: str, sources: Mapping[str, str]
         *path, key = path
         fault |= {"type": "invalid_key"}
     inside, name = _dotted(where, *path), _dotted(where, *path, key)
-    file = next((file for dotted, file in (sources or {}).items() if _share(dotted, name)), file_of(name))
+    file = next((file for dotted, file in (sources or {}).items() if share(dotted, name)), file_of(name))
     block, place = file + ", " + (inside or "top level"), file + ", " + (name or "top level")
     if fault["type"] == "invalid_key":
         raise InputError(f"{block}: expected text as a key, got {_shown(key)}")
@@ -174,7 +174,7 @@ def _dotted(*names) -> str:
     return text.removeprefix(".")
 
 
-def _share(one: str, other: str) -> bool:
+def share(one: str, other: str) -> bool:
     """Tell whether one of two dotted keys is the other, or leads to it."""
     one, other = (f"{dotted}.".replace("[", ".") for dotted in (one, other))
     return one.startswith(other) or other.startswith(one)
@@ -194,6 +194,29 @@ def _at(kind, path: Iterable) -> tuple[Any, str]:
             kind = get_args(kind)[-1]  # of the entries of a list, or of the values of a mapping
         kind = get_args(kind)[0] if get_origin(kind) is Annotated else kind
     return kind, meaning
+
+
+def parts(dotted: str, given, known) -> tuple[dict, list[str]]:
+    """Return what sets only the keys that a block has, by dotted keys, and the required keys that it lacks.
+
+    A block replaces all keys of the former one, so one that lacks some is refused, although its dotted keys say the
+    same. dotted, given: key and value as written; known: the former value. A whole block, one with an unknown key and
+    what is no block are returned as they are, with [].
+    """
+    try:
+        kind = _at(Params, dotted.split("."))[0]
+    except (AttributeError, IndexError, KeyError):
+        return {dotted: given}, []
+    is_block = isinstance(kind, type) and issubclass(kind, Block) and isinstance(given, Mapping)
+    if not is_block or not isinstance(known, Mapping) or set(given) - set(kind.model_fields):
+        return {dotted: given}, []
+    lacking = [key for key, field in kind.model_fields.items() if field.is_required() and key not in given]
+    lacking, inside = [f"'{key}'" for key in lacking if key in known], {}
+    for key, value in given.items():
+        of_key, further = parts(f"{dotted}.{key}", value, known.get(key))
+        inside |= of_key
+        lacking += further
+    return (inside, lacking) if lacking else ({dotted: given}, [])
 
 
 def is_optional(dotted: str) -> bool:

@@ -17,6 +17,8 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import record
+from pipeline.inference.card import Card
+from pipeline.own.beside import Beside
 
 PORT = 8765  # of the page
 
@@ -27,6 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--port", metavar="PORT", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
     source.add_argument("--replay", type=Path, metavar="LOG", help="a recorded log of the sensor, such as array.log")
+    parser.add_argument(
+        "--settings", type=Path, metavar="FOLDER", help="whose settings.yaml says how lines look (replay: found)"
+    )
     parser.add_argument("--baud", type=int, default=record.BAUD, metavar="N", help="of the port (default %(default)s)")
     parser.add_argument("--record", type=Path, metavar="FILE", help="a new file for all that the port prints")
     parser.add_argument("--speed", type=float, default=1.0, metavar="X", help="of a replay: 2 is twice as fast")
@@ -59,15 +64,18 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         )
         model = onnx_export.faster(predictor.load(folder), Path(draft))
     card = model.card
-    who, fmt, laid_out = f"{card.experiment}/{card.model}", source.line_format(card), source.line_layout(card)
+    who = f"{card.experiment}/{card.model}"
     say(f"{who}: {comes_from}")
+    if given.replay:
+        source.check_log(given.replay)
+    printed = as_printed(workspace, card, given)
+    fmt, laid_out = source.line_format(printed), source.line_layout(printed)
     say("\n".join(intervals.sentences(card)))
-    order = card.reading.get("sensor", {}).get("order", [])
+    order = printed.reading.get("sensor", {}).get("order", [])
     lines = source.Lines(fmt, str(given.port or given.replay), who, order, laid_out)
     session = Session(model, lines, say)
     places = [outputs.Datagrams(given.udp, card)] if given.udp else []
     if given.replay:
-        source.check_log(given.replay)
         chunks = source.replay(given.replay, fmt, stop, given.speed, given.loop, laid_out)
     else:
         chunks = record.Port(given.port, given.baud, stop).chunks()
@@ -94,6 +102,22 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     say(sentence(session))
     if given.replay and lines.count == sum(lines.rejects.values()):
         raise InputError(f"{given.replay}: no line is a reading of {who}, {fmt.shown}; name a log of this sensor")
+
+
+def as_printed(workspace: Workspace, card: Card, given: argparse.Namespace) -> Card:
+    """Return a card that says how the lines to come are read: by the settings beside a replayed log, or --settings.
+
+    Raises InputError where these settings are wrong, or of another sensor.
+    """
+    beside = Beside(workspace, card.experiment, f"{card.experiment}/{card.model}", card.reading)
+    reading = card.reading
+    if given.settings:
+        reading = beside.of_folder(given.settings)
+    elif given.replay:
+        reading = beside.of_log(given.replay)
+    for sentence_ in beside.said:
+        say(sentence_)
+    return card.model_copy(update={"reading": reading})
 
 
 def hand_on(predictions, places: list) -> None:

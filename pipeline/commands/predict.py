@@ -25,6 +25,7 @@ from tqdm import tqdm
 from pipeline.base import arguments, files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.own.beside import Beside, as_trained
 from pipeline.targets import kept, read
 
 T = TypeVar("T")
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict the logs named on the command line."""
     if (Path(given.model) / kept.CARD).is_file():
-        return of_target(given)
+        return of_target(workspace, given)
     import torch
 
     from pipeline.inference import intervals, packages, predictions, predictor, recordings
@@ -59,11 +60,19 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     print(f"{card.experiment}/{card.model}: {comes_from}")
     place, logs, target = _asked(given, card.experiment, predictions.model_of(card))
     predicted, scored, notes, unread, unscored = [], [], [], [], []
-    for recording in _each(logs, lambda path, name: recordings.read(path, name, card), unread):
+    beside = Beside(workspace, card.experiment, f"{card.experiment}/{card.model}", card.reading)
+
+    def opened(path: Path, name: str) -> tuple[recordings.Recording, predictor.Predictor]:
+        """Return what a log says, and the model for logs that are printed so."""
+        of_log = model.read_as(beside.of_log(path))
+        return recordings.read(path, name, of_log.card), of_log
+
+    for recording, of_log in _each(logs, opened, unread):
         of_recording = recordings.predict(model, recording)
         predicted.append((recording, of_recording))
         notes += [f"{recording.name}: {sentence}" for sentence in of_recording.notes]
-        scored.append(_scored(recording.name, unscored, recordings.scored, model, recording))
+        scored.append(_scored(recording.name, unscored, recordings.scored, of_log, recording))
+    notes = beside.said + notes
     print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
     with files.replacing_folder(target) as draft:
         summaries = predictions.write(draft, place, predicted, card, scored)
@@ -77,7 +86,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     _end(given, target, logs, unread, unscored)
 
 
-def of_target(given: argparse.Namespace) -> None:
+def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict a target of one's own, which is a number or a class for every reading."""
     from pipeline.datasets import schemas
     from pipeline.inference import predictions
@@ -90,10 +99,13 @@ def of_target(given: argparse.Namespace) -> None:
     }  # fmt: skip
     place, logs, target = _asked(given, card.experiment, who)
     unread, unscored, summaries = [], [], []
+    beside = Beside(workspace, card.experiment, f"the model of {card.sensor}", card.settings)
 
     def table(path: Path, name: str):
         """Return the predictions of a log as rows, and note what they came to."""
-        log = read.sensor_log(path, card.experiment, card.settings)
+        settings = beside.of_log(path)
+        log = read.sensor_log(path, card.experiment, settings)
+        log = log._replace(reading=as_trained(log.reading, settings, card.settings))
         predicted = kept.predict(model, log)
         scored = _scored(name, unscored, kept.scored, path, log, predicted, card)
         summaries.append(kept.summary(name, path, log, predicted, card) | scored)
@@ -103,6 +115,8 @@ def of_target(given: argparse.Namespace) -> None:
         schemas.write(draft / "predictions.parquet", kept.schema(card), _each(logs, table, unread))
         unknown = kept.UNKNOWN if card.logs is None else ""
         predictions.write_summary(draft, who, place, [kept.interval(card)], summaries, unknown)
+        notes = beside.said + [f"{said['recording']}: {words}" for said in summaries for words in said.get("notes", ())]
+        print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
         _print(draft, summaries, [kept.interval(card)], card.target.unit)
     print(f"written to {target}")
     _end(given, target, logs, unread, unscored)

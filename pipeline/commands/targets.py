@@ -126,6 +126,8 @@ def keep(
         settings={block: settings[block] for block in kept.READ},
         window_s=made.length_s,
         by=data.by,
+        interval_s=kept.interval_s(data),
+        correlation=kept.correlated(data, experiment),
         commit=provenance.git_state(checkout)[0],
         trained_on=kept.trained_on(data, experiment, settings),
         logs=kept.logs(folder, data, experiment, made.windows),

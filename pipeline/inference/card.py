@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from pipeline.base import cards, files, ranges
+from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
 
 NAME = "card.json"
@@ -122,6 +123,7 @@ class Card(Part):
     best_epoch: int
     scores: list[Score]  # of the test part
     sha256: str  # of the file of weights
+    correlation: Correlation | None = None  # of the channels in training; None: not known, or it tells nothing
     calibration: Calibration | None = None  # None: predictions have no interval
     trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
     source: str | None = None  # of its logs: simulated, data/own/..., or the public recordings' name; None: not known

@@ -8,7 +8,7 @@ from pathlib import Path
 from pipeline.base import params, paths, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.inference import calibration, training_logs
+from pipeline.inference import calibration, channels, training_logs
 from pipeline.inference import card as cards
 from pipeline.inference.describer import Describer
 from pipeline.targets import kept
@@ -49,7 +49,7 @@ def of_run(workspace: Workspace, values: Mapping, experiment: str, model: str, p
     """Return the card of one run of params.yaml; errors as `make`."""
     card = Describer(workspace, values, experiment).card(model, protocol, seed, provenance.git_state(workspace)[0])
     provenance.check_settings(workspace, [experiment], values)
-    return card
+    return card.model_copy(update={"correlation": channels.trained(workspace, values[experiment], card)})
 
 
 def locate(workspace: Workspace, name: str, values: Mapping, draft: Path, refit: bool = False) -> tuple[Path, str]:

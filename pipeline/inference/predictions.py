@@ -87,7 +87,13 @@ def summary(recording: Recording, of_recording: Predicted, card: Card, scored: M
         said |= _range(predicted[known], card)
     if card.trained_on is not None:
         lacking = "set" if card.kind == "images" else "interval"
-        said |= ranges.summary(recording.x, outside, card.trained_on, card.inputs.unit, lacking)
+        by_range = outside  # a sentence on ranges counts no reading that is outside for want of a measurement
+        if len(recording.unmeasured):
+            by_range = outside & ranges.outside(recording.x, card.trained_on)
+        said |= ranges.summary(recording.x, by_range, card.trained_on, card.inputs.unit, lacking)
+        said["share_outside_training"] = float(outside.mean()) if len(outside) else 0.0
+    if of_recording.notes:
+        said["notes"] = list(of_recording.notes)
     return said | scored
 
 

@@ -8,6 +8,7 @@ for reading in device:           # (25,)
     map_kpa = model.step(reading)    # (20, 20)
 """
 
+import copy
 from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
@@ -54,6 +55,15 @@ class Predictor:
         self._outside = deque(maxlen=self._last.maxlen)  # of the readings that `step` was given
         self._put({})
 
+    def read_as(self, reading: Mapping[str, Mapping]) -> "Predictor":
+        """Return this model with `reading` in its card, for logs that are read by other settings than its training's.
+
+        Predictions are the same; both share one stream of `step`.
+        """
+        other = copy.copy(self)
+        other.card = self.card.model_copy(update={"reading": reading})
+        return other
+
     def predict(self, readings: np.ndarray, frame_step: int | None = None) -> np.ndarray:
         """Return one prediction per reading, (n, *output_shape) float32.
 
@@ -72,13 +82,13 @@ class Predictor:
             predicted = self._of_images(x)
         return predicted.reshape(len(x), *self.output_shape).astype(np.float32, copy=False)
 
-    def step(self, reading: np.ndarray) -> np.ndarray:
+    def step(self, reading: np.ndarray, unmeasured: bool = False) -> np.ndarray:
         """Return the prediction for the next reading of one stream, output_shape float32; reading: (columns,).
 
-        Raises InputError for another number of columns.
+        unmeasured: as of `outside`. Raises InputError for another number of columns.
         """
         x = self._checked(np.asarray(reading)[None])
-        self._outside.append(ranges.outside(x, self.card.trained_on)[0])
+        self._outside.append(unmeasured or ranges.outside(x, self.card.trained_on)[0])
         phase, self._count = self._count % self._frame_step, self._count + 1
         if self.card.kind == "images":
             predicted = self._of_images(x)
@@ -96,14 +106,19 @@ class Predictor:
             predicted = self._network.predict(window[None])
         return np.asarray(predicted, np.float32).reshape(self.output_shape)
 
-    def outside(self, readings: np.ndarray, frame_step: int | None = None) -> np.ndarray:
+    def outside(
+        self, readings: np.ndarray, frame_step: int | None = None, unmeasured: np.ndarray | None = None
+    ) -> np.ndarray:
         """Return which readings lie outside what the model was trained on, (n,) bool; none where its card cannot tell.
 
         Of a model of windows, a reading is outside where any frame of the window that it ends is; of a series, where it
-        is itself, although what the model carries along has seen earlier ones. Takes what `predict` takes.
+        is itself, although what the model carries along has seen earlier ones. Takes what `predict` takes; unmeasured:
+        (n,) bool, readings that are no measurement, which are outside whatever they are.
         """
         x, frame_step = self._checked(readings), frame_step or self.card.inputs.frame_step
         frame = ranges.outside(x, self.card.trained_on)
+        if unmeasured is not None:
+            frame |= unmeasured
         found = frame.copy()
         for back in range(frame_step, min(self.card.reach(frame_step), len(x)) + 1, frame_step):
             found[back:] |= frame[: len(x) - back]

@@ -13,14 +13,14 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments, tasks
-from pipeline.base import files
+from pipeline.base import correlation, files
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.datasets.series import Record
 from pipeline.inference import timing
 from pipeline.inference.card import Card
 from pipeline.inference.predictor import Predictor
-from pipeline.logs import layout, packets, parse, sources
+from pipeline.logs import layout, packets, parse, sources, unmeasured
 from pipeline.logs.formats import LOGS, second
 from pipeline.scoring import classification, metrics
 from pipeline.targets import kept
@@ -30,6 +30,9 @@ TRUTH = {"touch": ("load_cell.log", "cnc.log"), "strain": ("robot.log",)}  # log
 OF_ONE_ELEMENT = ("load_cell.log",)  # which cannot tell a place
 SIMULATED = "simulated"  # as a source of logs
 TRAIN, TEST = "train", "test"  # parts of a split
+
+
+NOTHING = np.empty(0, int)
 
 
 class Recording(NamedTuple):
@@ -43,6 +46,8 @@ class Recording(NamedTuple):
     segment: np.ndarray  # (n,) rising; a new one after every restart of the device
     gaps: int  # times that readings are missing between two
     rejects: pa.Table  # lines that cannot be used, with their reasons
+    unmeasured: np.ndarray = NOTHING  # rows of the readings that are no measurement
+    notes: Sequence[str] = ()  # sentences on these, and on frames that were printed again
 
 
 def logs(place: Path, experiment: str) -> list[Path]:
@@ -121,7 +126,10 @@ def read(path: Path, name: str, card: Card) -> Recording:
     limit = f"{experiment}.ingest.max_reject_fraction"
     if experiment not in LOGS or experiment == "glove":
         frames, rejects, _ = module.read_recording(path.parent if experiment in LOGS else path, settings)
-        return _of_frames(path, name, frames, rejects, card)
+        recording = _of_frames(path, name, frames, rejects, card)
+        known = FORMATS[experiment](settings).names[1:] if experiment in LOGS else ()
+        columns = known or [f"column {k}" for k in range(recording.x.shape[1])]
+        return compared(looked_at(recording, columns), card, columns)
     fmt = FORMATS[experiment](settings)
     ingest, laid_out = settings["ingest"], layout.of(settings["ingest"], LOGS[experiment])
     rows, rejects = parse.read_log(path, fmt, limit=ingest["max_reject_fraction"], key=limit, layout=laid_out)
@@ -132,9 +140,30 @@ def read(path: Path, name: str, card: Card) -> Recording:
         module.check_clock(path, rows)
         nowhere = np.full((len(time), 3), np.nan)
         frames = module.resampled(condition, path.parent.name, time, values, nowhere, settings["ingest"])
-        return _of_frames(path, name, frames, rejects, card)
+        found = unmeasured.found(time, values)  # here, because interpolated readings no longer repeat
+        none = unmeasured.resampled(unmeasured.rows(found, len(time)), time, frames["t_s"].to_numpy())
+        said = unmeasured.sentences(found, time, fmt.names[1:])
+        recording = _of_frames(path, name, frames, rejects, card)
+        return compared(recording._replace(unmeasured=np.flatnonzero(none), notes=said), card, fmt.names[1:])
     values, segment = module.in_order(values, settings), rows["segment"].to_numpy()
-    return Recording(path, name, condition, time, values, segment, int(schemas.gaps(time, segment).sum()), rejects)
+    gaps = int(schemas.gaps(time, segment).sum())
+    return looked_at(Recording(path, name, condition, time, values, segment, gaps, rejects), fmt.names[1:])
+
+
+def looked_at(recording: Recording, channels: Sequence[str]) -> Recording:
+    """Return a recording with what is no measurement in it; channels: their names."""
+    found = unmeasured.found(recording.t_s, recording.x)
+    none = np.flatnonzero(unmeasured.rows(found, len(recording.x)))
+    return recording._replace(unmeasured=none, notes=unmeasured.sentences(found, recording.t_s, channels))
+
+
+def compared(recording: Recording, card: Card, channels: Sequence[str]) -> Recording:
+    """Return a recording with what is to be said of its channels beside each other; channels: their names."""
+    begins = np.diff(recording.segment, prepend=recording.segment[:1]) != 0
+    none = np.isin(np.arange(len(recording.x)), recording.unmeasured)
+    parts = [*correlation.stretches(recording.x, begins, none)]
+    said = correlation.sentences(card.correlation, parts, channels)
+    return recording._replace(notes=[*recording.notes, *said])
 
 
 def _of_frames(path: Path, name: str, frames: pa.Table, rejects: pa.Table, card: Card) -> Recording:
@@ -164,19 +193,21 @@ class Predicted(NamedTuple):
 
     values: np.ndarray  # (n, *output_shape); NaN: none
     outside: np.ndarray  # (n,) bool, as of Predictor.outside
-    notes: list[str]  # sentences on a rate unlike that of training, and on why there is no prediction at all
+    notes: list[str]  # sentences on a rate unlike that of training, on what is no measurement, on why nothing is said
 
 
 def predict(model: Predictor, recording: Recording) -> Predicted:
     """Return one prediction per reading.
 
     A model of windows is given a few lost readings by interpolation (timing.most_filled). Windows span no longer gap,
-    so that the first predictions after one are NaN; a series goes on over it, as in training.
+    so that the first predictions after one are NaN; a series goes on over it, as in training. Readings that are no
+    measurement are outside, as are windows with such a frame.
     """
     x, t_s, segment = recording.x, recording.t_s, recording.segment
+    none = np.isin(np.arange(len(x)), recording.unmeasured)
     if model.card.kind != "windows" or len(x) < 2:
         notes = [too_short(model.card, model.card.inputs.frame_step, len(x))] if model.card.kind == "windows" else []
-        return Predicted(model.predict(x), model.outside(x), notes)
+        return Predicted(model.predict(x), model.outside(x) | none, [*recording.notes, *notes])
     interval_s = packets.rate(t_s, segment).interval
     step = timing.frame_step(model.card, interval_s)
     lost = np.maximum(0, np.round(np.diff(t_s, prepend=t_s[0]) / interval_s).astype(int) - 1)
@@ -190,10 +221,11 @@ def predict(model: Predictor, recording: Recording) -> Predicted:
         longest = max(longest, len(every))
         whole = np.column_stack([np.interp(every, place, column) for column in x[first:last].T])
         predicted[first:last] = model.predict(whole, step)[place]
-        outside[first:last] = model.outside(whole, step)[place]
+        beside = np.interp(every, place, none[first:last]) > 0  # also a lost reading beside one that is none
+        outside[first:last] = model.outside(whole, step, beside)[place]
     notes = timing.differences(model.card, interval_s, interval_s)
     notes += [too_short(model.card, step, longest)] if longest <= model.card.reach(step) else []
-    return Predicted(predicted, outside, notes)
+    return Predicted(predicted, outside, [*recording.notes, *notes])
 
 
 def too_short(card: Card, step: int, longest: int) -> str:

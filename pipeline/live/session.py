@@ -14,13 +14,15 @@ import numpy as np
 from pipeline.inference import timing, touches
 from pipeline.inference.predictor import Predictor
 from pipeline.live.source import Lines, Reading
-from pipeline.logs import packets
+from pipeline.logs import packets, unmeasured
 
 MEASURED_S = 1.0  # of the device's clock, in which its rate is measured
 LEAST_MEASURED = 4  # lines, of a slow device
 MOST_LOAD = 0.8  # share of the time that predictions may take
 TIMED = 20  # predictions that tell what one takes
 KEPT = 1000  # latest lines and predictions that rate and times are taken from
+LOOK_S = 2.0  # of the device's clock, after which the readings so far are looked at anew
+LOOKED_AT = 200_000  # values, of the latest readings, that are looked at: 30 ms of the 405 cells of a glove
 
 
 class Prediction(NamedTuple):
@@ -51,6 +53,9 @@ class Session:
         self._frame_step, self._every, self._turn = 1, 1, 0
         self._last: Reading | None = None
         self._step_s = self._time_of_a_step()
+        self._latest: deque[Reading] = deque(maxlen=LOOKED_AT // self.card.inputs.columns)
+        self._looked_s, self._constant, self._stuck = -np.inf, None, {}  # _stuck: channel -> value
+        self._told: set[str] = set()
 
     def take(self, data: bytes | None, arrived_s: float) -> Iterator[Prediction]:
         """Yield the predictions for bytes that arrived (None: the device vanished); errors as Lines.take.
@@ -96,7 +101,7 @@ class Session:
         self._last = reading
         if not self._is_predicted():
             return None
-        values, of_map, force_n = self._evaluated(reading.values)
+        values, of_map, force_n = self._evaluated(reading.values, self._is_unmeasured(reading))
         self.count += 1
         outside = self.model.stepped_outside
         return Prediction(self.count, reading, values, of_map, force_n, arrived_s, time.monotonic(), outside)
@@ -106,9 +111,42 @@ class Session:
         self._turn += 1
         return (self._turn - 1) % self._every == 0
 
-    def _evaluated(self, reading: np.ndarray) -> tuple[np.ndarray, list[touches.Touch], float | None]:
-        """Return (values, touches, force in N) of the next reading."""
-        values = self.model.step(reading)
+    def _is_unmeasured(self, reading: Reading) -> bool:
+        """Tell whether a reading is no measurement, by what the readings so far have shown; say so when it is found.
+
+        Frames of one number, or a channel that stands still, are known once there are enough of them: those before have
+        been predicted by then.
+        """
+        if reading.restarted or (self._latest and reading.t_s < self._latest[-1].t_s):
+            self._latest.clear()
+            self._looked_s = -np.inf
+        self._latest.append(reading)
+        if reading.t_s >= self._looked_s + LOOK_S:
+            self._looked_s = reading.t_s
+            self._look()
+        moved = [channel for channel, value in self._stuck.items() if reading.values[channel] != value]
+        for channel in moved:
+            del self._stuck[channel]
+        return bool(self._stuck) or (self._constant is not None and bool((reading.values == self._constant).all()))
+
+    def _look(self) -> None:
+        """Look for what is no measurement in the latest readings."""
+        times = np.array([reading.t_s for reading in self._latest])
+        found = unmeasured.found(times, np.array([reading.values for reading in self._latest]))
+        names = self.lines.format.names[1:]
+        for kind, of_kind in unmeasured.apart(found):
+            if kind not in self._told:
+                self._told.add(kind)
+                self._note("\n".join(unmeasured.sentences(of_kind, times, names)))
+        if found.constant is not None:
+            self._constant = found.constant.value
+        self._stuck = {each.channel: each.value for each in found.stuck if each.stop == len(times)}
+
+    def _evaluated(
+        self, reading: np.ndarray, none: bool = False
+    ) -> tuple[np.ndarray, list[touches.Touch], float | None]:
+        """Return (values, touches, force in N) of the next reading; none: it is no measurement."""
+        values = self.model.step(reading, none)
         if self.card.kind != "windows":
             return values, [], None
         if self.card.outputs.touch_kpa is None:

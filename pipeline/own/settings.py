@@ -13,6 +13,7 @@ from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images
 from pipeline.models import press_difference
+from pipeline.own.logs import on_a_line
 from pipeline.settings.targets import Asked
 
 FILE = "settings.yaml"  # in a folder of logs
@@ -28,20 +29,38 @@ YARDSTICKS = {  # of every sensor of one's own, in no table of the papers
 }
 # For sensors of a few channels, whose image is no picture.
 WITHOUT_NETWORKS = ("constant", "naive_bayes", "tree", "window_trees", "window_ridge")
-PRESSED = "strain.sensor.pressed_below_mm"  # the setting that says what a press is
 OF_PRESSES, TREES = "press_difference", {"trees": 50, "min_samples_leaf": 5}  # a model that must know it
 OVERLAPPING = "random"  # protocols whose test part holds what was trained on: the papers' own, of no use here
 
 
 def read(folder: Path) -> dict:
-    """Return the dotted keys and values of FOLDER/settings.yaml; {} where there is none. Errors as params.parsed."""
+    """Return the dotted keys and values of FOLDER/settings.yaml, blocks before the keys inside them; {} without a file.
+
+    Raises InputError as params.parsed, and for a setting that is there twice, in a block and by its dotted key.
+    """
     path = folder / FILE
     if not path.exists():
         return {}
     values = params.parsed(path)
     if not isinstance(values, dict):
         raise InputError(f"{path}: expected dotted keys and values such as `touch.sensor.rows: 4`")
-    return values
+    found = {str(key): value for key, value in sorted(values.items(), key=lambda item: str(item[0]).count("."))}
+    said: dict[str, str] = {}
+    for key, value in found.items():
+        for name in leaves({key: value}):
+            if other := next((said[one] for one in said if params.share(one, name)), None):
+                raise InputError(f"{path}: `{name}` is set twice, by `{other}` and by `{key}`; keep one of them")
+            said[name] = key
+    return found
+
+
+def leaves(values: Mapping, above: str = "") -> dict:
+    """Return the values that are no blocks, by their dotted keys, however blocks and dotted keys are mixed."""
+    found = {}
+    for key, value in values.items():
+        name = f"{above}.{key}" if above else str(key)
+        found |= leaves(value, name) if isinstance(value, Mapping) and value else {name: value}
+    return found
 
 
 def asked(folder: Path) -> Asked | None:
@@ -49,8 +68,19 @@ def asked(folder: Path) -> Asked | None:
 
     Raises InputError for unknown keys and wrong values.
     """
-    given = {key: value for key, value in read(folder).items() if key in ASKED}
+    given: dict = {}
+    for key, value in read(folder).items():
+        block, _, inside = key.partition(".")
+        if block in ASKED and inside and isinstance(given.setdefault(block, {}), dict):
+            given[block] = given[block] | {inside: value}
+        elif block in ASKED:
+            given[block] = value
     return params.check_block(given, Asked, "", dict.fromkeys(ASKED, str(folder / FILE))) if given else None
+
+
+def of_sensor(folder: Path) -> dict:
+    """Return the settings of FOLDER/settings.yaml that are a sensor's, as `read` without the target of one's own."""
+    return {key: value for key, value in read(folder).items() if key.partition(".")[0] not in ASKED}
 
 
 def write(
@@ -59,34 +89,79 @@ def write(
     """Write the settings for a sensor's logs to a folder, and return its params.yaml.
 
     source: params.yaml of the checkout; target: the folder; folder: of the logs; seeds: of every protocol; models: keys
-    of the settings, None: all that there are. Raises InputError for unknown keys and wrong values of settings.yaml.
+    of the settings, None: all that there are. What follows from the sensor's settings is decided on what they come to,
+    not on their spelling, and anything that they set themselves goes first. Raises InputError for unknown keys, parts
+    of blocks and wrong values of settings.yaml.
     """
-    settings = copied(source, target)
+    settings, given, where = copied(source, target), of_sensor(folder), str(folder / FILE)
+    listed = (f"{experiment}.protocols", f"{experiment}.models")  # whose entries may be those that follow
+    first = {key: value for key, value in given.items() if not key.startswith(tuple(f"{name}." for name in listed))}
+    _set(first, settings, where)
     block = params.read(settings)[experiment]
-    known = dict(block["models"]) | YARDSTICKS[experiment]
-    of_sensor = {key: value for key, value in read(folder).items() if key not in ASKED}
-    each = {"seeds": list(seeds)}
-    protocols = {
-        key: dict(value) | each for key, value in block["protocols"].items() if not key.startswith(OVERLAPPING)
-    }
-    if experiment == "strain" and isinstance(tasks := of_sensor.get("strain.sensor.tasks"), dict) and tasks:
-        protocols = dict.fromkeys(tasks, each)
-    if of_sensor.get(PRESSED) is not None:
-        frames = of_sensor.get("strain.window.frames", block["window"]["frames"])
-        known[OF_PRESSES] = TREES | {"press": frames - max(press_difference.REST)}
-    changed = {
-        f"{experiment}.budget": 1.0,
-        f"{experiment}.protocols": protocols,
-        f"{experiment}.models": {model: known[model] for model in models or known if model in known},
-    }
-    set_values({key: value for key, value in changed.items() if key not in of_sensor}, settings)
-    where = str(folder / FILE)
-    set_values(of_sensor, settings, where)
-    values = params.read(settings)
-    params.check(values, dict.fromkeys(of_sensor, where))
-    if experiment == "glove":
-        set_values(_of_images(values["glove"], seeds, of_sensor), settings)
+    changed = _following(experiment, block, seeds)
+    set_values({key: value for key, value in changed.items() if not _is_set(given, key)}, settings)
+    _set({key: value for key, value in given.items() if key not in first}, settings, where)
+    if not _is_set(given, listed[1]):
+        known = params.read(settings)[experiment]["models"]
+        chosen = [model for model in models or known if model in known]
+        if _is_no_picture(block, experiment):
+            chosen = [model for model in chosen if model in WITHOUT_NETWORKS]
+        set_values({listed[1]: {model: known[model] for model in chosen}}, settings)
     return settings
+
+
+def _set(given: Mapping, settings: Path, where: str) -> None:
+    """Set values of settings.yaml, `where`, and check all settings; errors as `write`."""
+    values = params.read(settings)
+    for key, value in given.items():
+        alone, lacking = params.parts(key, value, _at(values, key))
+        if lacking and alone:
+            lines = ", ".join(f"`{on_a_line({name: each})[1:-1]}`" for name, each in alone.items())
+            raise InputError(
+                f"{where}: the block `{key}` lacks {', '.join(lacking)}; add what it lacks, or, to change only what "
+                f"it has, write {lines} in its place"
+            )
+    set_values(dict(given), settings, where)
+    params.check(params.read(settings), dict.fromkeys(given, where))
+
+
+def _at(values: Mapping, dotted: str):
+    """Return a value of nested settings; None where there is none."""
+    for key in dotted.split("."):
+        values = values.get(key) if isinstance(values, Mapping) else None
+    return values
+
+
+def _is_set(given: Mapping, dotted: str) -> bool:
+    """Tell whether the sensor's settings have a key, by itself or within a block."""
+    return any(dotted == key or dotted.startswith(f"{key}.") for key in given)
+
+
+def _following(experiment: str, block: Mapping, seeds: Sequence[int]) -> dict:
+    """Return the settings that follow from those of a sensor, by dotted keys; block: the experiment's, with its own.
+
+    Training at the full budget, every protocol without overlap and the models of sensors of one's own; of a glove one
+    protocol per dataset of images, and every frame, since the settings thin out the simulated sessions.
+    """
+    each = {"seeds": list(seeds)}
+    of_protocols = block["protocols"].items()
+    protocols = {key: dict(value) | each for key, value in of_protocols if not key.startswith(OVERLAPPING)}
+    known = dict(block["models"]) | YARDSTICKS[experiment]
+    changed = {}
+    if experiment == "strain":
+        protocols = dict.fromkeys(block["sensor"].get("tasks") or protocols, each)
+        if block["sensor"].get("pressed_below_mm") is not None:
+            known[OF_PRESSES] = TREES | {"press": block["window"]["frames"] - max(press_difference.REST)}
+    if experiment == "glove":
+        changed["glove.window.stride"] = 1
+        protocols = {f"session_{name}": each for name in images.modalities(block)}
+    of_all = {"budget": 1.0, "protocols": protocols, "models": known}
+    return changed | {f"{experiment}.{key}": value for key, value in of_all.items()}
+
+
+def _is_no_picture(block: Mapping, experiment: str) -> bool:
+    """Tell whether the images of a glove or mat are too small for networks; block: settings of the experiment."""
+    return experiment == "glove" and min(images.shape(block)) < SMALLEST_IMAGE
 
 
 def of_logs(workspace: Workspace, experiment: str, folder: Path) -> dict:
@@ -97,18 +172,5 @@ def of_logs(workspace: Workspace, experiment: str, folder: Path) -> dict:
 
 def say_left_out(block: Mapping, experiment: str) -> None:
     """Print which models there are where networks of images are left out; block: settings of the experiment."""
-    if experiment == "glove" and min(images.shape(block)) < SMALLEST_IMAGE:
+    if _is_no_picture(block, experiment):
         print(f"fewer than {SMALLEST_IMAGE} pixels on a side: {', '.join(block['models'])}, no networks of images")
-
-
-def _of_images(block: Mapping, seeds: Sequence[int], of_sensor: Mapping) -> dict:
-    """Return the settings that follow from a sensor's areas: one protocol per dataset of images, and which models.
-
-    block: the settings of `glove` with this sensor's settings; of_sensor: these settings, which go first.
-    """
-    changed = {"glove.window.stride": 1}  # every frame; the settings thin out the simulated sessions
-    changed["glove.protocols"] = {f"session_{name}": {"seeds": list(seeds)} for name in images.modalities(block)}
-    if min(images.shape(block)) < SMALLEST_IMAGE:
-        models = {key: value for key, value in block["models"].items() if key in WITHOUT_NETWORKS}
-        changed["glove.models"] = models
-    return {key: value for key, value in changed.items() if key not in of_sensor}

@@ -12,9 +12,11 @@ import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel, ConfigDict
 
-from pipeline.base import cards, files, ranges
+from pipeline.base import cards, correlation, files, ranges
+from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
+from pipeline.logs import unmeasured
 from pipeline.logs.formats import LOGS
 from pipeline.scoring import conformal, metrics
 from pipeline.settings.targets import Target
@@ -26,6 +28,7 @@ from pipeline.targets.validate import Final, Tested
 CARD = "target.json"
 TRUSTED = ("sklearn.tree._tree.Tree",)  # node indices are not checked on loading: load your own files only
 READ = ("sensor", "ingest")  # blocks of settings that say how a log is read
+SAME_RATE = 1.1  # ratio of times from reading to reading, as inference.timing.TOLERANCE
 SOME_VALUES = 1 << 22  # of statistics at once, 16 MB
 SEEN = "trained on this recording: no test"
 VALIDATED = "this recording is of the validation part: no test"
@@ -67,6 +70,8 @@ class Card(BaseModel):
     scores: dict[str, float]  # metric -> mean over tests of groups apart, chosen on the other groups
     commit: str
     sha256: str  # of the estimator's file
+    interval_s: float | None = None  # from one reading of the training to the next; None: not known
+    correlation: Correlation | None = None  # of the channels in training; None: not known, or it tells nothing
     trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
     logs: list[Log] | None = None  # None: nobody knows which logs it was fitted to
     tests: dict[str, dict[str, float]] = {}  # test -> metric -> value, by the model that the other groups chose
@@ -163,7 +168,7 @@ def predict(kept: Kept, log: Readings) -> Predicted:
         found = features.statistics(log.time_s, log.segment, log.reading, ends, card.window_s)
         x = features.columns(found, card.level)
         parts.append(models.predicted(kept.estimator, x, max(1, len(card.classes))))
-    guess, outside = np.concatenate(parts), _outside(log, card)
+    guess, outside = np.concatenate(parts), _outside(log, card, unmeasured_rows(log))
     if card.classes:
         none = np.full(n, np.nan)
         return Predicted(guess, none, none, conformal.class_sets(guess, card.bound or 0.0), outside)
@@ -171,10 +176,55 @@ def predict(kept: Kept, log: Readings) -> Predicted:
     return Predicted(guess, guess[:, 0] - half, guess[:, 0] + half, np.empty((n, 0), bool), outside)
 
 
-def _outside(log: Readings, card: Card) -> np.ndarray:
-    """Return whether a reading of the window that ends with each one lies outside the training, (n,) bool."""
+def interval_s(data: Data) -> float:
+    """Return the usual time from one reading to the next (s)."""
+    return float(np.median(np.concatenate([np.diff(each.time_s) for each in data.series])))
+
+
+def correlated(data: Data, experiment: str) -> Correlation | None:
+    """Return how the channels go together, of strands; elements and cells go together as they are touched."""
+    if experiment != "strain":
+        return None
+    nowhere = [np.zeros(len(each.time_s), bool) for each in data.series]
+    parts = [
+        part
+        for each, none in zip(data.series, nowhere, strict=True)
+        for part in correlation.stretches(each.reading, schemas.gaps_before(each.time_s, each.segment), none)
+    ]
+    return correlation.of(parts, range(data.series[0].reading.shape[1]))
+
+
+def unmeasured_rows(log: Readings) -> np.ndarray:
+    """Return which readings of a log are no measurement, (n,) bool."""
+    return unmeasured.rows(unmeasured.found(log.time_s, log.reading), len(log.time_s))
+
+
+def notes(log: Readings, card: Card) -> list[str]:
+    """Return sentences on what is no measurement, on another rate, and on channels unlike those of the training."""
+    names = read.FORMATS[card.experiment](card.settings).names[1:]
+    found = unmeasured.found(log.time_s, log.reading)
+    said, n = unmeasured.sentences(found, log.time_s, names), len(log.time_s)
+    here_s = float(np.median(np.diff(log.time_s))) if n > 1 else card.interval_s
+    alike = card.interval_s is None or 1 / SAME_RATE <= here_s / card.interval_s <= SAME_RATE
+    if not alike:
+        said.append(
+            f"the log has {1 / here_s:.3g} readings a second by its times, the model's training "
+            f"{1 / card.interval_s:.3g}: expect larger errors than the card's, or mend the unit of the times"
+        )
+    elif card.correlation is not None:
+        begins = schemas.gaps_before(log.time_s, log.segment)
+        parts = [*correlation.stretches(log.reading, begins, unmeasured.rows(found, n))]
+        said += correlation.sentences(card.correlation, parts, names)
+    return said
+
+
+def _outside(log: Readings, card: Card, none: np.ndarray) -> np.ndarray:
+    """Return whether a reading of the window that ends with each one lies outside the training, (n,) bool.
+
+    none: (n,) bool, readings that are no measurement, which are outside whatever they are.
+    """
     ends = np.arange(len(log.time_s))
-    before = np.append(0, np.cumsum(ranges.outside(log.reading, card.trained_on)))
+    before = np.append(0, np.cumsum(ranges.outside(log.reading, card.trained_on) | none))
     return before[ends + 1] > before[features.firsts(log.time_s, log.segment, ends, card.window_s)]
 
 
@@ -225,7 +275,11 @@ def summary(name: str, path: Path, log: Readings, said: Predicted, card: Card) -
     if card.trained_on is not None:
         unit = card.settings["sensor"].get("unit", UNITS[card.experiment])
         lacking = "set" if card.classes else "interval"
-        found |= ranges.summary(log.reading, said.outside, card.trained_on, unit, lacking)
+        by_range = _outside(log, card, np.zeros(len(log.time_s), bool))
+        found |= ranges.summary(log.reading, by_range, card.trained_on, unit, lacking)
+        found["share_outside_training"] = float(said.outside.mean())
+    if told := notes(log, card):
+        found["notes"] = told
     return found
 
 

@@ -79,6 +79,13 @@ def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, ca
     tests = pd.read_csv(workspace.reports / "own" / "joint" / "scores.csv")
     tests = tests[(tests["model"] == "chosen on the other groups") & (tests["metric"] == "RMSE")]
     assert card["groups"] == tests["test"].tolist() and card["scores"]["RMSE"] == pytest.approx(tests["value"].mean())
+    assert not any("notes" in each for each in summary["recordings"]) and card["interval_s"] == pytest.approx(0.1)
+    rows = [line.partition(",") for line in (logs / "dora_0" / "daq.log").read_text().splitlines()]
+    fast = tmp_path / "fast" / "bend" / "dora_0" / "daq.log"
+    fast.parent.mkdir(parents=True)
+    fast.write_text("".join(f"{float(at) / 2:.2f},{rest}\n" for at, _, rest in rows))
+    said = called("predict", model, fast, "--out", tmp_path / "out")
+    assert "the log has 20 readings a second by its times, the model's training 10: expect larger errors" in said
     for command in (["live", model, "--replay", logs / "dora_0" / "daq.log"], ["export", model, tmp_path / "exported"]):
         with pytest.raises(SystemExit, match="only `tactile predict MODEL LOGS` takes the model of a target"):
             called(*command)

@@ -92,7 +92,7 @@ def test_a_header_of_other_names_is_refused(lines):
 
 def test_a_replay_of_what_is_no_log_fails(package, workspace, tmp_path, capsys):
     given = {"model": str(package("linear")), "port": None, "record": None, "speed": 1e6, "loop": False, "page": False}
-    given |= {"csv": True, "udp": None, "http_port": 0, "baud": 115200}
+    given |= {"csv": True, "udp": None, "http_port": 0, "baud": 115200, "settings": None}
     (tmp_path / "README.md").write_text("# A sensor\nwith 12 cells, and words\n")
     for name, words in (
         ("README.md", "README.md: no line is a reading of touch/linear"),
