@@ -10,7 +10,8 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,17 +28,21 @@ from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
 from pipeline.inference import timing
-from pipeline.logs import alignment, diagnosis, layout, own_data, parse, rest, sniff
-from pipeline.logs.formats import LOGS
+from pipeline.logs import alignment, diagnosis, layout, no_measurement, own_data, parse, rest, shown, sniff
+from pipeline.logs.formats import DUPLICATE, LOGS, Column
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
 from pipeline.reporting.figures import check as check_figures
-from pipeline.settings.targets import Asked
+from pipeline.settings.targets import Asked, Target
+from pipeline.sheet import quantities
+from pipeline.sheet import sources as sheet_sources
 from pipeline.targets import read as target_logs
 
 DRAWN = 3  # recordings in the picture
 LINES = 200  # of a log's start, in which the time has to rise
+OTHER_NUMBERS = (2, 3, 6, 7, 8)  # of a line of a target's log that are no columns: a counter, a date, a zone
+FEW_COPIES = 20  # lines of a log
 SHAPES = 8  # of an array that are listed
 OUTSIDE = 0.02  # share of contacts that may lie beside the array
 SLOWEST_HZ, FASTEST_HZ = 0.2, 5000  # every scan and every serial line is within this range
@@ -95,40 +100,52 @@ def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, parse
     return expected
 
 
+class Read(NamedTuple):
+    """One log of a recording."""
+
+    log: own_logs.Log | None  # as far as it can be read
+    problems: list[str]
+    proposal: Proposal | None  # where it is laid out in another way
+
+
+def read_one(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) -> Read:
+    """Read one log, or find out how it can be read."""
+    log, unusable, laid_out = None, False, layout.of(settings["ingest"], path.name)
+    try:
+        log = own_logs.read_one(path, fmt, laid_out)
+        own_logs.check_rejects(experiment, path, log, settings)
+        wrong = list(conventions(path, log, settings))
+    except InputError as error:
+        wrong = [str(error)]
+        unusable = True
+        if laid_out is None:
+            wrong = [unread(experiment, path, fmt, settings, log) or str(error)]
+    if not wrong:
+        return Read(log, [], None)
+    found = own_logs.proposed(experiment, path, fmt, settings, laid_out)
+    if isinstance(found, Proposal) and (unusable or found.layout != own_logs.PLAIN):
+        if (
+            found.layout != own_logs.PLAIN
+            and found.layout.items() >= own_logs.PLAIN.items()
+            and (found.layout.keys() <= {"separator", "scale", "offset", "time_unit"})
+        ):
+            return Read(log, [f"{wrong[0]}; or {own_logs.PASTE}"], found)
+        return Read(log, [f"{path}: {own_logs.LAID_OUT}"], found)
+    return Read(log, [found] if isinstance(found, str) else wrong, None)
+
+
 def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
     """Read one recording; what cannot be used becomes a problem, not an exception."""
     read, problems, proposals = {}, [], {}
     expected = formats(experiment, folder, settings)
     for name, fmt in expected.items():
-        path, laid_out = folder / name, layout.of(settings["ingest"], name)
+        path = folder / name
         if not path.is_file():
             problems.append(diagnosis.missing(path, fmt, expected))
             continue
-        unusable = False
-        try:
-            read[name] = own_logs.read_one(path, fmt, laid_out)
-            own_logs.check_rejects(experiment, path, read[name], settings)
-            wrong = list(conventions(path, read[name], settings))
-        except InputError as error:
-            wrong = [str(error)]
-            unusable = True
-            if laid_out is None:
-                wrong = [unread(experiment, path, fmt, settings, read.get(name)) or str(error)]
-        if not wrong:
-            continue
-        found = own_logs.proposed(experiment, path, fmt, settings, laid_out)
-        if isinstance(found, Proposal) and (unusable or found.layout != own_logs.PLAIN):
-            proposals[name] = found
-            if (
-                found.layout != own_logs.PLAIN
-                and found.layout.items() >= own_logs.PLAIN.items()
-                and (found.layout.keys() <= {"separator", "scale", "offset", "time_unit"})
-            ):
-                wrong = [f"{wrong[0]}; or {own_logs.PASTE}"]
-            else:
-                wrong = [f"{path}: {own_logs.LAID_OUT}"]
-        elif isinstance(found, str):
-            wrong = [found]
+        log, wrong, proposal = read_one(experiment, path, fmt, settings)
+        read |= {name: log} if log else {}
+        proposals |= {name: proposal} if proposal else {}
         problems += wrong
     for name, proposal in proposals.items():
         if proposal.layout.get("rate_hz", 0) is None:
@@ -307,6 +324,34 @@ def understood(recording: Checked) -> Iterator[str]:
         for channel, fault in report.get("channels", {}).items():
             yield f"{'':19}{channel}: {fault['fault']} in {100 * fault['share']:.0f} % of the time"
     yield from (f"  problem: {problem}" for problem in recording.problems)
+
+
+class Shown:
+    """Prints lines of each log, once for all recordings that are laid out alike."""
+
+    def __init__(self):
+        self._seen: set[tuple[str, str]] = set()
+
+    def show(self, path: Path, fmt: parse.Format, one: Read, laid_out: Mapping | None) -> None:
+        """Print lines of a log with what is read from them; laid_out: as the settings, or else a proposal, has it."""
+        key = path.name, own_logs.on_a_line(one.proposal.layout if one.proposal else {"read": one.log is not None})
+        if key in self._seen:
+            return
+        self._seen.add(key)
+        heading, log = f"  {path.name} of {path.parent.parent.name}/{path.parent.name}: lines of it as printed", one.log
+        if one.proposal is not None:
+            log = own_logs.read_one(path, fmt, laid_out)
+            rate = "" if one.proposal.layout.get("rate_hz", 0) is not None else ", at 1 line a second"
+            print(f"{heading}, and what the block below would read from them{rate}")
+        elif log is not None:
+            print(f"{heading}, and what is read from them")
+        else:
+            print(f"{heading}, from which nothing is read")
+        if log is None:
+            said = shown.first_lines(path)
+        else:
+            said = shown.lines(path, log.rows, log.rejects, fmt, laid_out)
+        print("\n".join(said))
 
 
 def of_clock(clock: Mapping) -> str:
@@ -613,6 +658,56 @@ def still(experiment: str, read: list[Checked]) -> list[str]:
     return said
 
 
+def unmeasured(name: str, read: Mapping[str, Mapping[str, own_logs.Log]]) -> list[str]:
+    """Return findings: frames and channels of the sensor's log, `name`, that are no measurement, and copies of lines.
+
+    read: recording -> log -> what was read of it.
+    """
+    logs, names, found = {one: logs[name] for one, logs in read.items() if name in logs}, [], {}
+    for one, log in logs.items():
+        names = [column for column in log.rows.column_names if re.fullmatch(r"[a-z]\d+", column)]
+        readings = np.column_stack([log.rows[column].to_numpy() for column in names])
+        here = no_measurement.found(log.rows["time_s"].to_numpy(), readings)
+        found[one] = no_measurement.Recording(here, log.rows["line"].to_numpy(), log.report["rate_hz"] or np.nan)
+    said = no_measurement.said(found, names)
+    for file in dict.fromkeys(file for each in read.values() for file in each):
+        said += copied_lines({one: each[file] for one, each in read.items() if file in each}, file)
+    return said
+
+
+def copied_lines(logs: Mapping[str, own_logs.Log], file: str) -> list[str]:
+    """Return a finding where more than a few lines of a file are exact copies of others; logs: by recording."""
+    count = {name: log.report["rejects"].get(DUPLICATE, 0) for name, log in logs.items()}
+    many = [name for name in logs if count[name] > max(FEW_COPIES, OFTEN * logs[name].report["lines"])]
+    if not many:
+        return []
+    first = logs[many[0]]
+    line = first.rejects.filter(pc.equal(first.rejects["reason"], DUPLICATE))["line"][0]
+    times = first.report["lines"] / first.report["accepted"]
+    each = f"each line is there {times:.0f} times" if abs(times - round(times)) < OFTEN and times > 1.5 else ""
+    share = each or f"{100 * count[many[0]] / first.report['lines']:.2g} % of the lines are copies of others"
+    return [
+        f"{file}: {share}, with its time (the first: line {line} of {many[0]}; {len(many)} of {len(logs)} recordings): "
+        f"copies are left out, and {first.report['rate_hz']:.3g} lines a second count; print each line once"
+    ]
+
+
+def clipped(experiment: str, folder: Path, usable: list[Checked], settings: Mapping) -> list[str]:
+    """Return a finding where elements stand at a limit while they are pressed, by the definition of the data sheet."""
+    frames, said = [recording.frames for recording in usable if recording.frames.num_rows], []
+    printed = settings["sensor"].get("order") or range(1 << 20)  # number of the printed column of each element
+    for sensor in sheet_sources.MAKERS[experiment](folder.name, frames, settings, False) if frames else ():
+        known = quantities.known(sensor)
+        if known.limit:
+            names = [f"{'v' if experiment == 'touch' else 'u'}{printed[k]}" for k in known.clipped[:SHAPES]]
+            which = ", ".join(names + ["..."] * (len(known.clipped) > SHAPES))
+            said.append(
+                f"{known.limit}{f' ({which})' if which else ''}: beyond that nothing is measured; lower the gain of "
+                "the circuit, or press less"
+            )
+    return said
+
+
 def rates(experiment: str, read: list[Checked]) -> list[str]:
     """Return a finding where the sensor's logs have rates that differ by more than `predict` takes as one rate.
 
@@ -654,20 +749,22 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
     """Print all that was understood, draw it, and return the first thing to fix, or None if ingest can read it all."""
     settings = values[experiment]
     recordings = experiments.module(experiment).recordings(folder)
-    read = []
+    read, lines = [], Shown()
     for path in recordings:
-        read.append(checked(experiment, path, settings))
-        print("\n".join(understood(read[-1])))
+        one = checked(experiment, path, settings)
+        read.append(one)
+        print("\n".join(understood(one)))
+        for name, fmt in formats(experiment, path, settings).items():
+            log, proposal = one.logs.get(name), one.proposals.get(name)
+            laid_out = own_logs.trial(proposal) if proposal else layout.of(settings["ingest"], name)
+            if (path / name).is_file():
+                lines.show(path / name, fmt, Read(log, [], proposal), laid_out)
     problems = [problem for recording in read for problem in recording.problems]
     usable = [recording for recording in read if recording.frames is not None]
     found: dict[str, list[Proposal]] = {}
     for recording in read:
         for name, proposal in recording.proposals.items():
             found.setdefault(name, []).append(proposal)
-    for name, several in found.items():
-        ways = {own_logs.on_a_line(one.layout | {"rate_hz": 1.0}) for one in several}
-        if len(ways) > 1:
-            problems.append(f"{folder}: {name} is laid out in {len(ways)} ways; bring all to that of the block above")
     ranges = areas_of(read, settings) if experiment == "glove" else own_logs.Ranges([], [], [], False)
     if ranges.falls:
         laid_out = layout.of(settings["ingest"], LOGS["glove"]) or own_logs.PLAIN
@@ -680,7 +777,9 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
         problems.append(unlike.pop(LOGS[experiment]))
     print(f"\n{folder}: {len(usable)} of {len(read)} recordings can be used")
     said = still(experiment, read) + rates(experiment, read) + ranges.findings + list(unlike.values())
+    said += unmeasured(LOGS[experiment], {one.name: one.logs for one in read})
     if usable:
+        said += clipped(experiment, folder, usable, settings)
         rows, findings, wrong = whole(experiment, usable, settings)
         said, problems = said + findings, problems + wrong + unfit(experiment, settings)
         if not wrong:
@@ -690,28 +789,97 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
     if drawn := [recording for recording in read if recording.logs][:DRAWN]:
         draw(workspace.check(experiment), experiment, drawn, settings)
     clock = [f"{experiment}.ingest.clock: own  # in place of shared"] * any(one.clock_own for one in read)
-    if block := own_logs.format_block(experiment, found, settings) + ranges.settings + clock:
+    return to_fix(experiment, folder, settings, found, problems, ranges.settings + clock)
+
+
+def check_target(
+    experiment: str, folder: Path, settings: Mapping, asked: Asked, lines: Shown | None = None
+) -> str | None:
+    """Say what each group holds of a target of one's own, and return what to fix first; None where nothing is.
+
+    settings: the block of the experiment; lines: where lines of the logs are to be shown.
+    """
+    problems, read = [], {}
+    found: dict[str, list[Proposal]] = {}
+    try:
+        for path in target_logs.recordings(folder, experiment):
+            fmt, laid_out = target_logs.FORMATS[experiment](settings), layout.of(settings["ingest"], LOGS[experiment])
+            one = read_one(experiment, path / LOGS[experiment], fmt, settings)
+            logs = {LOGS[experiment]: (one, fmt, own_logs.trial(one.proposal) if one.proposal else laid_out)}
+            if asked.target.file is not None and (path / asked.target.file).is_file():
+                file = path / asked.target.file
+                logs[file.name] = read_truth(experiment, file, settings, asked.target)
+            for name, (one, fmt, laid_out) in logs.items():
+                problems += one.problems
+                if one.proposal is not None:
+                    found.setdefault(name, []).append(one.proposal)
+                if lines is not None:
+                    lines.show(path / name, fmt, one, laid_out)
+            read["/".join(path.parts[-2:])] = {name: one.log for name, (one, *_) in logs.items() if one.log}
+        for finding in unmeasured(LOGS[experiment], read) if lines is not None else ():
+            print(f"  {finding}")
+        if problems:
+            return to_fix(experiment, folder, settings, found, problems)
+        data = target_logs.own(experiment, folder, settings, asked)
+        print("\n".join(target_logs.said(data)))
+    except InputError as error:
+        return str(error)
+    return next(target_logs.lacking(data, folder), None)
+
+
+def read_truth(experiment: str, path: Path, settings: Mapping, target: Target) -> tuple[Read, parse.Format, dict]:
+    """Read the log that has a target's column, or find out how it can be read; with its format and its layout."""
+
+    def read_as(values: Mapping) -> tuple[own_logs.Log, parse.Format, dict]:
+        target_logs.column_of(path, target, experiment, values)
+        fmt, laid_out = target_logs.column_format(path, target, experiment, values)
+        return own_logs.read_one(path, fmt, laid_out), fmt, laid_out
+
+    try:
+        log, fmt, laid_out = read_as(settings)
+        return Read(log, [], None), fmt, laid_out
+    except InputError as error:
+        problem = str(error)
+    fmt, laid_out = target_logs.column_format(path, target, experiment, settings)
+    numbers = sniff.numbers_a_line(path)
+    for count in dict.fromkeys(numbers - less for less in (1, *OTHER_NUMBERS) if numbers > less):
+        others = (Column(f"c{k}", "any", -target_logs.LARGEST, target_logs.LARGEST) for k in range(count))
+        every = replace(fmt, columns=(fmt.columns[0], *others))
+        found = own_logs.proposed(experiment, path, every, settings, None)
+        if not isinstance(found, Proposal):
+            continue
+        bare = {key: value for key, value in found.layout.items() if key not in ("columns", "width")}
+        for tried in [bare | {"time": 1}] * ("time_pattern" in bare) + [bare]:
+            try:
+                log, *described = read_as(settings | {"ingest": settings["ingest"] | {"format": {path.name: tried}}})
+            except InputError:
+                continue
+            guesses = [guess for guess in found.guesses if "time" in guess]
+            return Read(log, [f"{path}: {own_logs.LAID_OUT}"], Proposal(tried, guesses)), *described
+    return Read(None, [problem], None), fmt, laid_out
+
+
+def to_fix(
+    experiment: str,
+    folder: Path,
+    settings: Mapping,
+    found: Mapping[str, list[Proposal]],
+    problems: list[str],
+    further: Sequence[str] = (),
+) -> str | None:
+    """Print the lines of settings that read logs of another layout, and all problems; return the first problem.
+
+    further: other lines of settings.
+    """
+    for name, several in found.items():
+        ways = {own_logs.on_a_line(one.layout | {"rate_hz": 1.0}) for one in several}
+        if len(ways) > 1:
+            problems.append(f"{folder}: {name} is laid out in {len(ways)} ways; bring all to that of the block above")
+    if block := [*own_logs.format_block(experiment, found, settings), *further]:
         print(f"\nfor {folder / own_settings.FILE}:", *block, sep="\n")
     if len(problems) > 1:
         print("\nto fix:", *of_each_kind(problems), sep="\n  ")
     return problems[0] if problems else None
-
-
-def check_target(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> str | None:
-    """Say what each group holds of a target of one's own, and return what to fix first; None where nothing is.
-
-    settings: the block of the experiment.
-    """
-    log, problems = LOGS[experiment], []
-    try:
-        data = target_logs.own(experiment, folder, settings, asked)
-        print("\n".join(target_logs.said(data)))
-        for path in (folder / each.name / log for each in data.series):
-            fmt, laid_out = target_logs.FORMATS[experiment](settings), layout.of(settings["ingest"], log)
-            problems += conventions(path, own_logs.read_one(path, fmt, laid_out), settings)
-    except InputError as error:
-        return str(error)
-    return next(iter([*problems, *target_logs.lacking(data, folder)]), None)
 
 
 def draw(target: Path, experiment: str, recordings: list[Checked], settings: Mapping) -> None:
@@ -783,7 +951,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     place = Path(os.path.abspath(folder))  # without ..
     values = own_settings.of_logs(workspace, experiment, folder)
     if asked := own_settings.asked(folder):
-        first = check_target(experiment, folder, values[experiment], asked)
+        first = check_target(experiment, folder, values[experiment], asked, Shown())
     else:
         own_settings.say_left_out(values[experiment], experiment)
         first = check(workspace, experiment, folder, values)

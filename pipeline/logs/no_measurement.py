@@ -5,6 +5,8 @@ motion cannot do by chance. What chance can do is no finding: frames of few elem
 without a touch may read zero everywhere.
 """
 
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +33,8 @@ BLOCK, QUIET = 20, 10  # changes; percentile of blocks
 FLICKERS = 0.3  # share of changes in a quiet block; by chance 50 frames are alike in 1 of 10 ** 8 then
 OFF_REST = 0.1  # of a channel's span, beyond which it does not rest
 TOUCHED = 3  # times
+SEVERAL = 1.9  # prints of a frame on average, from which on each is said to be printed several times
+LISTED = 6  # names in a sentence
 COMMON = 0.25  # share of the other channels that stand at a value in some frames: sensors rest, or are clipped, there
 
 
@@ -39,7 +43,8 @@ class Constant(NamedTuple):
 
     rows: np.ndarray  # (m,) numbers of the frames
     value: float  # of most of them
-    share: float  # of all frames; where the sensor also rests at this value, at least
+    share: float  # of all frames
+    at_least: bool  # the sensor also rests at this value, where lost frames cannot be told
 
 
 class Repeated(NamedTuple):
@@ -81,6 +86,79 @@ def found(t_s: np.ndarray, x: np.ndarray) -> Found:
     return Found(constant, repeated, stuck)
 
 
+class Recording(NamedTuple):
+    """What was found in one recording, and what says where."""
+
+    found: Found
+    line: np.ndarray  # (n,) number of each row's line
+    rate_hz: float
+
+
+def said(recordings: Mapping[str, Recording], names: Sequence[str]) -> list[str]:
+    """Return a sentence for each kind of finding in recordings, by their names; names: of the channels."""
+    sentences = []
+    for kind, say in enumerate((_said_constant, _said_repeated, _said_stuck)):
+        if chosen := {name: each for name, each in recordings.items() if each.found[kind]}:
+            sentences.append(say(chosen, names))
+    return sentences
+
+
+def _where(recordings: Mapping[str, Recording], row: int) -> str:
+    """Return the place of a row of the first recording, and how many more recordings have such."""
+    name, first = next(iter(recordings.items()))
+    more = len(recordings) - 1
+    others = f", and {more} more recording{'s' * (more > 1)}" if more else ""
+    return f"{name} from line {first.line[row]} on{others}"
+
+
+def _said_constant(recordings: Mapping[str, Recording], names: Sequence[str]) -> str:
+    each = [one.found.constant for one in recordings.values()]
+    count, of = sum(len(one.rows) for one in each), sum(len(one.line) for one in recordings.values())
+    value = Counter(one.value for one in each).most_common(1)[0][0]
+    least = "at least " if any(one.at_least for one in each) else ""
+    where = _where(recordings, each[0].rows[0])
+    return (
+        f"{least}{100 * count / of:.2g} % of the frames ({count}) read {value:g} in all {len(names)} elements, far "
+        f"from the frames beside them ({where}): no measurement, but what was written for lost frames; remove these "
+        "lines, or have the device print none in their place"
+    )
+
+
+def _said_repeated(recordings: Mapping[str, Recording], names: Sequence[str]) -> str:
+    first = next(iter(recordings.values()))
+    found, rate_hz = first.found.repeated, first.rate_hz
+    where = _where(recordings, found.rows[0])
+    if found.regular or found.times > SEVERAL:
+        times = f"{found.times:.0f}" if found.regular else f"about {found.times:.2g}"
+        what = f"each frame is printed {times} times"
+        new_hz = rate_hz / found.times
+    else:
+        what = f"{100 * found.share:.2g} % of the frames are the one before, printed again while the readings move"
+        new_hz = rate_hz * (1 - found.share)
+    return (
+        f"{what} ({where}): {new_hz:.3g} frames a second are measured, not {rate_hz:.3g}; print a frame once, when it "
+        "is new"
+    )
+
+
+def _said_stuck(recordings: Mapping[str, Recording], names: Sequence[str]) -> str:
+    first = next(iter(recordings.values()))
+    stuck = first.found.stuck
+    one = max(stuck, key=lambda each: each.lasts_s)
+    which = names[one.channel]
+    if len(stuck) == len(names) > 1:
+        which = f"all {len(names)} elements stand still: {which}"
+    elif len(stuck) > 1:
+        others = [names[each.channel] for each in stuck if each is not one]
+        which = (
+            f"{', '.join(others[:LISTED])}{' and more' * (len(others) > LISTED)} stand still, and so does {which}: it"
+        )
+    return (
+        f"{which} reads {one.value:g} for {one.lasts_s:.3g} s without a change ({_where(recordings, one.first)}), but "
+        f"elsewhere for {one.elsewhere_s:.2g} s at most: it is stuck; check its wiring, and record this part again"
+    )
+
+
 def constant_frames(x: np.ndarray) -> Constant | None:
     """Return frames of one number, such as the zeros that stand for lost frames, of readings x (n, channels).
 
@@ -100,7 +178,7 @@ def constant_frames(x: np.ndarray) -> Constant | None:
     lasts = np.zeros(n, int)  # constant frames on end
     lasts[constant] = np.repeat(edges[:, 1] - edges[:, 0], edges[:, 1] - edges[:, 0])
     levels, count = np.unique(x[constant, 0], return_counts=True)
-    rows = []
+    rows, at_least = [], False
     for level in levels[np.argsort(-count, kind="stable")][:LEVELS]:
         here = np.flatnonzero(constant & (x[:, 0] == level))
         short = here[lasts[here] <= MOST_LOST]
@@ -109,10 +187,11 @@ def constant_frames(x: np.ndarray) -> Constant | None:
             rows.append(here if len(here) - len(short) < MOST_LONG * n else short)
         elif level < x.max():
             rows.append(short[_between(x, short, others, away.max(axis=1), JUMP * largest)])
+            at_least |= len(rows[-1]) > 0
     if (total := sum(map(len, rows))) < FEW:
         return None
     most = max(rows, key=len)
-    return Constant(np.sort(np.concatenate(rows)), float(x[most[0], 0]), total / n)
+    return Constant(np.sort(np.concatenate(rows)), float(x[most[0], 0]), total / n, at_least)
 
 
 def _between(x: np.ndarray, rows: np.ndarray, others: np.ndarray, away: np.ndarray, least: float) -> np.ndarray:

@@ -16,17 +16,19 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import images
 from pipeline.experiments import glove, touch
 from pipeline.logs import layout, parse, sniff
+from pipeline.logs.formats import DUPLICATE, REPEATED
 from pipeline.logs.report import log_report
 from pipeline.logs.sniff import Proposal
 
 PLAIN = {"separator": ","}  # the layout of the product's logs, without empty lines and with counts such as 12.0
 PASTE = "paste the block `format` above into settings.yaml"
+SPREAD = "that lines of one time"  # so a guess of `sniff` begins
 LAID_OUT = f"is laid out in another way; {PASTE}"
 HIGH_REST = 0.75  # of the range of an area; a mat whose usual reading is beyond falls when it is pressed
 DIM = 0.25  # of the range of an area; images of readings that reach no further are dark
 STEPS_MOVED = 20  # finest steps, by more of which an arm moves and does not only rest
 MARGIN = 1.1  # of the largest reading, where that is no converter's
-RARE = 0.01  # of the frames, whose extremes are noise
+RARE = 0.01  # of the frames, whose extremes are noise; of the lines, whose times are of late or torn ones
 STEPS = [step * 10.0**power for power in range(-4, 7) for step in (1, 2, 5) if (step, power) != (1, 0)]  # of a scale
 ROUNDED = "that readings may be rounded"
 ORIGIN = "origin.yaml"  # beside logs that were imported: what each was made from
@@ -74,9 +76,11 @@ def proposed(
             found.guesses.remove(sniff.METRES)
             del found.layout["scale"]
         found = whole(path, fmt, found, settings["ingest"]["max_reject_fraction"])
+        log = read_one(path, fmt, trial(found))
+        if log.report["rejects"].get(DUPLICATE):
+            found = without_copies(path, fmt, found, log)
         if found.layout == laid_out:
             return None
-        log = read_one(path, fmt, trial(found))
     except InputError:
         return None
     try:
@@ -84,6 +88,20 @@ def proposed(
     except InputError as error:
         return None if found.layout == PLAIN else str(error)
     return found
+
+
+def without_copies(path: Path, fmt: parse.Format, found: Proposal, log: Log) -> Proposal:
+    """Return a proposal for a log with copies of its lines: its rate without them, and no more spread than it needs.
+
+    log: as it is read by the proposal.
+    """
+    rate = f"there are {log.report['rate_hz'] or np.nan:.3g} lines"
+    guesses = [re.sub(r"there are \S+ lines", rate, guess) for guess in found.guesses]
+    once = {key: value for key, value in found.layout.items() if key != "repeats"}
+    bare = read_one(path, fmt, trial(found._replace(layout=once))).report
+    if once == found.layout or bare["rejects"].get(REPEATED, 0) > RARE * bare["lines"]:
+        return found._replace(guesses=guesses)
+    return found._replace(layout=once, guesses=[guess for guess in guesses if not guess.startswith(SPREAD)])
 
 
 def _is_in_metres(path: Path, fmt: parse.Format, found: Proposal) -> bool:

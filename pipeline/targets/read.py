@@ -68,10 +68,7 @@ def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
     Raises InputError as the readers do, for a log that is there more than once, and for a path that names no group, a
     truth that is not there, is of another clock or, in the name of a folder, no number.
     """
-    paths = [path for path in parse.folders(folder, "*/*") if (path / LOGS[experiment]).exists()]
-    if not paths:
-        raise InputError(f"{folder}: no recordings; expected <folder>/<recording>/{LOGS[experiment]} in it")
-    parse.check_names(paths)
+    paths = recordings(folder, experiment)
     if problem := own_data.copied(paths, LOGS[experiment]):
         raise InputError(f"{folder}: {problem}")
     series = []
@@ -83,6 +80,15 @@ def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
         counted = np.where(known, press, -1)
         series.append(grouped(Series(name, NO_GROUP, time_s, segment, reading, truth, counted), asked.split, folder))
     return Data(asked.target, asked.split.by, series)
+
+
+def recordings(folder: Path, experiment: str) -> list[Path]:
+    """Return the folders <1>/<2> with a sensor's log; raises InputError without one, or for names that look alike."""
+    paths = [path for path in parse.folders(folder, "*/*") if (path / LOGS[experiment]).exists()]
+    if not paths:
+        raise InputError(f"{folder}: no recordings; expected <folder>/<recording>/{LOGS[experiment]} in it")
+    parse.check_names(paths)
+    return paths
 
 
 class Readings(NamedTuple):
@@ -165,14 +171,21 @@ def number_in(name: str, path: Path, target: Target) -> float:
     return float(numbers[0].replace(",", "."))
 
 
-def column_of(path: Path, target: Target, experiment: str, settings: Mapping) -> tuple[np.ndarray, np.ndarray]:
-    """Return times in s and values (m,) of the target's column in a log, text of a class; the first is the time."""
+def column_format(path: Path, target: Target, experiment: str, settings: Mapping) -> tuple[Format, dict]:
+    """Return the format of the log that has the target, a time and its column, and its layout."""
     clock = FORMATS[experiment](settings).columns[0]
     words: dict[str, int] | None = {} if target.kind == "class" else None
     fmt = Format((clock, Column(target.name, target.unit, -LARGEST, LARGEST, words=words)), time=clock.name)
     given = dict(layout.of(settings["ingest"], path.name) or {"separator": ","}) | {"columns": [target.column]}
     if isinstance(target.column, int) and path.is_file():
         given.setdefault("width", sniff.columns_a_line(path, given.get("separator", ",")))
+    return fmt, given
+
+
+def column_of(path: Path, target: Target, experiment: str, settings: Mapping) -> tuple[np.ndarray, np.ndarray]:
+    """Return times in s and values (m,) of the target's column in a log, text of a class; the first is the time."""
+    fmt, given = column_format(path, target, experiment, settings)
+    clock, words = fmt.columns[0], fmt.columns[1].words
     rows, _ = log(path, fmt, experiment, settings, given)
     strain.check_clock(path, rows)
     values = rows[target.name].to_numpy()

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import yaml
+from builders import free_targets
 from builders import own_logs as written
 from builders.project import ROOT
 
@@ -407,3 +408,157 @@ def test_an_order_is_proposed_only_where_it_is_one_for_every_recording():
         [plain] * 3, stuck=(np.flatnonzero(at == 1), 0)
     )  # while element 1 is pressed, and between its presses
     assert one.startswith("v0 is high in 17 % of the time without a press") and "it is stuck" in one
+
+
+def printed_by(workspace, experiment, folder, capsys):
+    """What `check` prints of a folder of logs, and what it says first."""
+    first = check.check(workspace, experiment, folder, values_of(folder, experiment))
+    return first, capsys.readouterr().out
+
+
+def test_lines_of_each_log_are_shown_once_with_what_is_read_from_them(workspace, touch_logs, tmp_path, capsys):
+    """Also by a block that is only proposed: pounds that are taken for newtons are seen there."""
+
+    def in_words(lines):
+        return [line.replace(",", ",Reading: ") + " lbs" for line in lines if re.fullmatch(r"\d+,-?[\d.]+", line)]
+
+    logs = edited(touch_logs, tmp_path / "logs", load_cell=in_words)
+    shutil.copytree(logs / "single/day1_0", logs / "single/day1_1")
+    text = (logs / "single/day1_0/load_cell.log").read_text().splitlines()
+    largest = max(range(len(text)), key=lambda k: abs(float(text[k].split()[1])))
+    _, said = printed_by(workspace, "touch", logs, capsys)
+    assert said.count("lines of it as printed") == 3  # array, load cell, cnc; not six
+    block = said.partition("load_cell.log of single/day1_0: ")[2].splitlines()
+    assert block[0] == "lines of it as printed, and what the block below would read from them"
+    at = block.index(f"    line {largest + 1} (largest): {text[largest]}")
+    time, force = text[largest].removesuffix(" lbs").split(",Reading: ")
+    assert block[at + 1].startswith(f"    -> t_us {time} us = {int(time) / 1e6:.3f} s, ")
+    assert f"; fz_n {float(force):g} N" in block[at + 1]
+
+
+def every(lines, change):
+    """The lines of an array with their counts changed by `change(number of the frame, counts)`; banners as they are."""
+    number = 0
+    for line in lines:
+        time, *counts = line.split(",")
+        if time.isdigit() and len(counts) == 6 and all(map(str.isdigit, counts)):
+            counts = change(number, list(map(int, counts)))
+            number += 1
+        yield ",".join([time, *map(str, counts)])
+
+
+def held(times):
+    """What prints each frame `times` times."""
+    kept = []
+
+    def change(number, counts):
+        kept[:] = kept if number % times else counts
+        return kept.copy()
+
+    return change
+
+
+UNMEASURED = {
+    "zeros": (
+        lambda lines: every(lines, lambda k, counts: [0] * 6 if k % 3 == 2 else counts),
+        r"33 % of the frames \(\d+\) read 0 in all 6 elements, far from the frames beside them \(single/day1_0 from",
+    ),
+    "frames printed 4 times": (
+        lambda lines: every(lines, held(4)),
+        r"each frame is printed (about )?4 times \(single/day1_0 from line \d+ on\): 10 frames a second are measured",
+    ),
+    "a stuck element": (
+        lambda lines: every(lines, lambda k, c: [*c[:3], 77, *c[4:]] if k > 800 else c),
+        r"v3 reads 77 for 7\.\d+ s without a change \(single/day1_0 from line 8\d\d on\)",
+    ),
+    "clipped": (
+        lambda lines: every(lines, lambda k, counts: [min(count, 400) for count in counts]),
+        r"the readings of \d of the elements are clipped at 400 \((v\d, )*v\d\): beyond that nothing is measured",
+    ),
+    "copies": (
+        lambda lines: [line for line in lines for _ in range(2)],
+        r"array.log: each line is there 2 times, with its time \(the first: line \d+ of single/day1_0; 1 of 1 "
+        r"recordings\): copies are left out, and 40 lines a second count",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", UNMEASURED)
+def test_readings_that_are_no_measurement_are_found(kind, workspace, touch_logs, tmp_path, capsys):
+    change, sentence = UNMEASURED[kind]
+    text = (touch_logs / "single/day1_0/array.log").read_text(errors="replace")
+    assert "\n" in text
+    first, said = printed_by(workspace, "touch", edited(touch_logs, tmp_path / "logs", array=change), capsys)
+    assert first is None or "copies" not in first
+    assert len(re.findall(sentence, said)) == 1, said
+    others = {name: one for name, (_, one) in UNMEASURED.items() if name != kind}
+    assert [name for name, one in others.items() if re.search(one, said)] == []
+
+
+def test_nothing_is_found_in_readings_that_are_measured(workspace, touch_logs, capsys):
+    _, said = printed_by(workspace, "touch", touch_logs, capsys)
+    assert [name for name, (_, one) in UNMEASURED.items() if re.search(one, said)] == []
+    assert "stuck" not in said and "of the frames" not in said and "clipped" not in said and "copies" not in said
+
+
+@pytest.mark.parametrize("mark", ["its own times", "times of milliseconds, semicolons"])
+def test_a_block_for_doubled_lines_spreads_no_copies(mark, workspace, touch_logs, tmp_path, capsys):
+    def doubled(lines):
+        for line in lines:
+            time, _, rest = line.partition(",")
+            if time.isdigit() and mark != "its own times":
+                line = f"{int(time) // 1000};{rest.replace(',', ';')}"
+            yield from (line, line)
+
+    logs = edited(touch_logs, tmp_path / "logs", array=doubled)
+    _, block = checked(workspace, "touch", logs, capsys)
+    if mark == "its own times":
+        assert block is None
+        return
+    assert block["touch.ingest.format"]["array.log"] == {"separator": ";", "time_unit": "ms"}
+    pasted(logs, block)
+    _, said = printed_by(workspace, "touch", logs, capsys)
+    assert "40.00 Hz" in said and "each line is there 2 times" in said
+
+
+def iso(line):
+    """A line with its seconds as a date."""
+    seconds, _, rest = line.partition(",")
+    return f"2024-05-01 12:00:{float(seconds):09.6f},{rest}"
+
+
+TARGET_LAYOUTS = {
+    "daq.log": {"daq": lambda line: line.replace(",", ";").replace(".", ",")},
+    "arm.log": {"arm": lambda line: line.replace(",", ";").replace(".", ",")},
+    "daq.log, arm.log": {"daq": iso, "arm": iso},
+    "arm.log of milliseconds": {"arm": lambda line: f"{float(line.split(',')[0]) * 1e3:.0f}\t" + line.split(",", 1)[1]},
+}
+
+
+@pytest.mark.parametrize("kind", TARGET_LAYOUTS)
+def test_with_a_target_check_proposes_how_logs_are_read(kind, tmp_path, capsys):
+    """And once that is pasted, the target is what it was."""
+    plain = free_targets.angles(tmp_path / "plain", people=("anna", "ben"), seconds=30)
+    edits = {
+        name: (lambda lines, change=change: [change(line) for line in lines])
+        for name, change in TARGET_LAYOUTS[kind].items()
+    }
+    if "milliseconds" in kind:
+        edits["arm"] = lambda lines: [
+            f"{float(t) * 1e3:.0f};{a};{b}" for t, a, b in (line.split(",") for line in lines)
+        ]
+    logs, asked = edited(plain, tmp_path / "logs", **edits), own_settings.asked(plain)
+    shutil.copy(plain / own_settings.FILE, logs / own_settings.FILE)
+    first = check.check_target("strain", logs, values_of(logs, "strain")["strain"], asked, check.Shown())
+    said = capsys.readouterr().out
+    assert "is laid out in another way; paste the block" in first
+    assert said.count("lines of it as printed") == 2 and "-> t_s " in said and "; angle " in said
+    pasted(logs, yaml.safe_load(said.partition("settings.yaml:\n")[2].partition("\n\n")[0]))
+    settings = values_of(logs, "strain")["strain"]
+    assert check.check_target("strain", logs, settings, asked) is None
+    read, true = (
+        targets_read.own("strain", folder, values_of(folder, "strain")["strain"], asked).series
+        for folder in (logs, plain)
+    )
+    for one, other in zip(read, true, strict=True):
+        assert one.truth == pytest.approx(other.truth, abs=1e-3) and one.reading == pytest.approx(other.reading)

@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from builders.touched_sensors import touched
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
@@ -371,3 +372,55 @@ def without_rate(laid_out):
 def test_further_load_cells_have_the_layout_of_the_first():
     ingest = {"format": {"load_cell.log": {"separator": ";"}}}
     assert layout.of(ingest, "load_cell_2.log") == {"separator": ";"} and layout.of(ingest, "cnc_2.log") is None
+
+
+STAMPS_US = {"its own time": 1, "times of 40 ms": 40_000, "times of 1 s": 1_000_000}
+
+
+def laid_out(tmp_path, channels, noise, stamp_us, copies):
+    """What is read of a log of 20 ms a frame, with its times cut to steps, where lines of one time are spread.
+
+    copies: how often each line is printed.
+    """
+    time_s, counts = touched(channels=channels, noise=noise, seed=1)
+    stamps = np.round(time_s * 1e6).astype(int) // stamp_us * stamp_us
+    lines = [f"{t}," + ",".join(f"{v:.0f}" for v in row) for t, row in zip(stamps, counts, strict=True)]
+    path = tmp_path / "array.log"
+    path.write_text("\n".join(line for line, times in zip(lines, copies, strict=True) for _ in range(times)) + "\n")
+    fmt = touch.array_format({"sensor": {"rows": 1, "cols": channels}, "ingest": {"highest_count": 1023}})
+    rows, rejects = parse.read_log(path, fmt, limit=0.02, layout={"separator": ",", "repeats": "spread"})
+    return counts, rows, rejects
+
+
+@pytest.mark.parametrize("stamp", STAMPS_US)
+@pytest.mark.parametrize("noise", [0, 0.2, 1])
+@pytest.mark.parametrize("channels", [1, 2, 16])
+def test_equal_lines_of_one_time_are_frames_of_a_sensor_at_rest(tmp_path, channels, noise, stamp):
+    counts, rows, rejects = laid_out(tmp_path, channels, noise, STAMPS_US[stamp], np.ones(2000, int))
+    assert rows.num_rows == len(counts) and rejects.num_rows == 0
+    assert rows["v0"].to_numpy().tolist() == counts[:, 0].tolist()
+
+
+@pytest.mark.parametrize("times", [2, 3])
+@pytest.mark.parametrize("noise", [0, 0.2, 1])
+@pytest.mark.parametrize("channels", [1, 2, 16])
+def test_copies_of_lines_are_no_frames(tmp_path, channels, noise, times):
+    counts, rows, rejects = laid_out(tmp_path, channels, noise, 1, np.full(2000, times))
+    assert rows["v0"].to_numpy().tolist() == counts[:, 0].tolist()
+    assert np.diff(rows["t_us"].to_numpy()).tolist() == [20_000] * 1999
+    assert rejects["reason"].unique().to_pylist() == [parse.DUPLICATE] and rejects.num_rows == (times - 1) * 2000
+    assert rejects["line"].to_numpy().tolist() == [k for k in range(1, 2000 * times + 1) if k % times != 1]
+
+
+@pytest.mark.parametrize("stamp", ["its own time", "times of 40 ms"])
+def test_some_copies_of_lines_are_no_frames(tmp_path, stamp):
+    copies = 1 + (np.random.default_rng(0).random(2000) < 0.03)
+    counts, rows, rejects = laid_out(tmp_path, 16, 1, STAMPS_US[stamp], copies)
+    assert rows["v0"].to_numpy().tolist() == counts[:, 0].tolist() and rejects.num_rows == copies.sum() - 2000
+
+
+@pytest.mark.parametrize("stamp", ["times of 40 ms", "times of 1 s"])
+def test_copies_among_lines_of_one_time_are_no_frames(tmp_path, stamp):
+    counts, rows, _ = laid_out(tmp_path, 16, 1, STAMPS_US[stamp], np.full(2000, 2))
+    assert rows["v0"].to_numpy().tolist() == counts[:, 0].tolist()
+    assert np.median(np.diff(rows["t_us"].to_numpy())) == 20_000
