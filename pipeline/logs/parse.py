@@ -183,7 +183,7 @@ def _check_units(line: bytes, fmt: Format, where: str) -> None:
     """Raise InputError where a header of columns in the order of `fmt` names another unit than a column's own."""
     names = units.of_header([_text(name) for name in _content(line).lstrip(b"#%;/ \t").split(fmt.separator.encode())])
     for name, column in zip(names, fmt.columns, strict=True):
-        units.check(name, column, where)
+        units.check(units.named(name, column.unit), column, f"{where} names the column '{name}'")
 
 
 class _Rejects:

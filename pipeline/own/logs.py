@@ -15,7 +15,7 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import images
 from pipeline.experiments import glove, touch
-from pipeline.logs import layout, parse, sniff
+from pipeline.logs import layout, parse, sniff, units
 from pipeline.logs.report import log_report
 from pipeline.logs.sniff import Proposal
 
@@ -77,6 +77,8 @@ def proposed(
         if found.layout == laid_out:
             return None
         log = read_one(path, fmt, trial(found))
+    except units.Unit as error:  # as it changes in the course of the log
+        return str(error)
     except InputError:
         return None
     try:
