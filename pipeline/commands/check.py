@@ -27,7 +27,7 @@ from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
 from pipeline.inference import timing
-from pipeline.logs import alignment, diagnosis, layout, own_data, parse, rest, sniff
+from pipeline.logs import alignment, diagnosis, layout, own_data, parse, rest, sniff, units
 from pipeline.logs.formats import LOGS
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
@@ -218,13 +218,21 @@ def _begins_with_time(path: Path) -> bool:
 def conventions(path: Path, log: own_logs.Log, settings: Mapping) -> Iterator[str]:
     """Yield problems of a log that can be read: wrong units of time, force and place."""
     rate = log.report["rate_hz"]
-    if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
-        unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
+    told = own_logs.imported(path.parent).get(path.name, {}) | (layout.of(settings["ingest"], path.name) or {})
+    own_time = not {"time_unit", "time_pattern", "rate_hz"} & told.keys()
+    unit = "us" if "t_us" in log.rows.column_names else "s"
+    times = log.rows[f"t_{unit}"].to_numpy() if f"t_{unit}" in log.rows.column_names else np.zeros(0)
+    absolute = units.absolute(float(np.median(times)), float(np.median(np.diff(times)))) if len(times) > 1 else {}
+    if own_time and absolute and unit not in absolute:
+        yield (
+            f"{path}: the times are {' or '.join(absolute.values())}; write {path.name}: {{time_unit: "
+            f"{' or '.join(absolute)}}} into the block ingest.format of settings.yaml"
+        )
+    elif rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
+        unit = "microseconds" if unit == "us" else "seconds"
         advice = TIMES.get((unit, rate > FASTEST_HZ), "")
         yield f"{path}: {rate:g} lines per second; is the first column the time in {unit}?{advice}"
-    told = own_logs.imported(path.parent).get(path.name, {}) | (layout.of(settings["ingest"], path.name) or {})
-    if "t_s" in log.rows.column_names and not {"time_unit", "time_pattern", "rate_hz"} & told.keys():
-        times = log.rows["t_s"].to_numpy()
+    if "t_s" in log.rows.column_names and own_time:
         if len(times) >= WHOLE_TIMES and (times == np.rint(times)).all():
             yield (
                 f"{path}: all times are whole numbers, {np.median(np.diff(times)):g} apart: are these milliseconds? "

@@ -228,6 +228,7 @@ class Reader:
         self._rounded = False  # their time, which was not cut
         self._before: Decimal | None = None  # time of those before
         self._days, self._last_s = 0, None
+        self._zero: int | None = None  # 1970 in the unit of the time
         self._units: tuple[str | None, ...] = ()  # that stand with the time and the readings of the first row
         self._units_line = 0
         self._said: dict[tuple[str, ...], tuple[str | None, ...]] = {}  # words of a line -> units
@@ -592,7 +593,9 @@ class Reader:
             if not value.is_finite():
                 return None
             unit = self.layout.time_unit
-            return self._in_unit(value * NANOSECONDS[unit] / self._unit if unit else value)
+            if unit and self._zero is None:
+                self._zero = units.zero(float(value), unit)
+            return self._in_unit((value - self._zero) * NANOSECONDS[unit] / self._unit if unit else value)
         pattern = self.layout.time_pattern
         if (read := moment(stamp, pattern)) is None:
             return None

@@ -426,8 +426,10 @@ def _in_order(table: _Table, fmt: Format, common: dict, lines: list[str], timed:
     """
     names = _names(table, lines) if table.separator != layout.TEXT else None
     time, guesses = _time(table, names) if timed else None, []
-    if time is not None and _counts(table, time, _names(table, lines)):
-        return _without_time(table, fmt, common, lines, time)
+    if time is not None:
+        words = _names(table, lines)
+        if counters := [place for place in range(time + 1) if _counts(table, place, words)]:
+            return _without_time(table, fmt, common, lines, counters[0])
     readings = [column.name for column in fmt.columns if column.name != fmt.time]
     if names is not None and (time is not None or not timed):
         left = [place for place in range(table.width) if place != time]

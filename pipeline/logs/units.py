@@ -181,6 +181,15 @@ def absolute(time: float, interval: float) -> dict[str, str]:
     return found
 
 
+def zero(time: float, unit: str) -> int:
+    """Return 1970 in ticks or days of a calendar in which a time is between 2000 and 2100; 0 of any other time."""
+    second = SIZES["time"]["s"] / SIZES["time"][unit]
+    for one, _, least_s in ABSOLUTE:
+        if one == unit in ("100ns", "d") and least_s <= time / second <= least_s + _CENTURY_S:
+            return round((least_s - ABSOLUTE[0][2]) * second)
+    return 0
+
+
 def of_time(said: str) -> str | None:
     """Return the unit of time that a text is or begins with."""
     return known(said) or known(re.split(r"[\s,;]", said)[0])
