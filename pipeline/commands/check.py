@@ -191,6 +191,14 @@ def wrong_columns(path: Path, fmt: parse.Format, settings: Mapping) -> str | Non
             f"{path}: {values + 1} values per line and no time before them; begin each line with "
             f"{fmt.columns[0].name}, the device's clock"
         )
+    unlike, alike = sniff.unlike_columns(path) if values > expected else ([], [])
+    if unlike:
+        such = f", such as {path.name}: {{columns: {alike}, width: {values + 1}}}" if len(alike) == expected else ""
+        return (
+            f"{path}: {values + 1} columns per line, but a time and {expected} readings are {expected + 1}; "
+            f"{', '.join(unlike[:SHAPES])}{', ...' * (len(unlike) > SHAPES)}, unlike the others. Say by `columns` in the "
+            f"block ingest.format of settings.yaml which are readings{such}; if all are, set the sensor's size to {values}"
+        )
     if path.name == "array.log":
         sensor = settings["sensor"]
         shapes = [f"{n} x {values // n}" for n in range(1, values + 1) if values % n == 0]

@@ -155,6 +155,37 @@ def columns_a_line(path: Path, separator: str) -> int:
     return counts.most_common(1)[0][0] if counts else 0
 
 
+def unlike_columns(path: Path) -> tuple[list[str], list[int]]:
+    """Say what those columns of a log do that are unlike most: they count, are sums, rise, have decimals, stay.
+
+    Returns the sentences' parts, and the numbers of the other columns without the time.
+    """
+    with layout.opened(path) as file:
+        lines = file.read(START).decode("utf-8", "replace").splitlines()[:LINES]
+    table = next((table for table in _tables(lines, 2) if table.share > SHARE), None)
+    if table is None or len(table.values) < LEAST_ROWS:
+        return [], []
+    time = _time(table, None)
+    kinds = {}
+    for place in table.numeric:
+        values = table.values[:, place][np.isfinite(table.values[:, place])]
+        if place == time and not _counts(table, place, None):
+            continue
+        if _counts(table, place, None):
+            kinds[place] = "counts the lines"
+        elif said := _checksum(table, place):
+            kinds[place] = f"is {said}"
+        elif not np.ptp(values):
+            kinds[place] = f"is {values[0]:g} throughout"
+        elif len(values) and np.mean(np.diff(values) > 0) > RISES:
+            kinds[place] = "rises"
+        else:
+            kinds[place] = "has whole numbers" if (values == np.rint(values)).all() else "has decimals"
+    usual = Counter(kinds.values()).most_common(1)[0][0]
+    unlike = [f"column {place + 1} {kind}" for place, kind in kinds.items() if kind != usual]
+    return unlike, [place + 1 for place, kind in kinds.items() if kind == usual]
+
+
 def _encoding(start: bytes) -> str | None:
     """Return the encoding of a text by its first bytes; None for what is no text."""
     if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -317,7 +348,7 @@ def _of_rows(lines: list[str], fmt: Format, common: dict, timed: bool) -> Propos
     """Return how lines can be read that are one frame each; timed: the time is among the numbers."""
     readings = len(fmt.columns) - 1
     tables = [table for table in _tables(lines, readings) if table.share > SHARE]
-    for table in tables if timed else ():
+    for table in tables if timed and not _in_pairs(lines) else ():
         if table.separator != layout.TEXT and table.decimal != ",":
             _refuse_two_parts(table)
     if not timed:
@@ -534,7 +565,9 @@ def _names(table: _Table, lines: list[str]) -> list[str] | None:
             if re.fullmatch("[MW]Pos", name) and names[k + 1 : k + 3] == ["", ""]:
                 names[k : k + 3] = ["x", "y", "z"]
         return names if any(names) else None
-    return _header(table, lines)[1]
+    number, names = _header(table, lines)
+    above = _header(table, lines, number - 1)[1]
+    return names if above is None or units.of_header(names, below=True) == names else above
 
 
 def _header(table: _Table, lines: list[str], last: int | None = None) -> tuple[int, list[str] | None]:

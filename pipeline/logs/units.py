@@ -204,6 +204,14 @@ def of_header(names: Sequence[str], below: bool = False) -> list[str]:
     return [f"({name})" for name in names] if all(of_units) or (below and any(of_units)) else list(names)
 
 
+def are_units(names: Sequence[str], below: bool) -> bool:
+    """Tell whether one of the fields of a line is a unit; below: of a line below the names, where it needs no brackets.
+
+    Above them stands a title.
+    """
+    return any(known(bracketed(name) or (name if below else "")) for name in names)
+
+
 class Beside(NamedTuple):
     """The words that stand beside one number of a line."""
 

@@ -161,7 +161,8 @@ def trial(proposal: Proposal) -> dict:
 
 def with_rate(path: Path, fmt: parse.Format, proposal: Proposal, read: Mapping[str, Log]) -> Proposal:
     """Return the proposal for a log without times with its rate, where logs beside it say how long it lasts."""
-    lasts = max((np.ptp(log.rows["time_s"].to_numpy()) for log in read.values()), default=0)
+    others = (log for name, log in read.items() if name != path.name)  # its own times count its lines
+    lasts = max((np.ptp(log.rows["time_s"].to_numpy()) for log in others), default=0)
     if not lasts:
         return proposal
     rows, _ = parse.read_log(path, fmt, layout=proposal.layout | {"rate_hz": 1.0})
