@@ -194,10 +194,11 @@ def wrong_columns(path: Path, fmt: parse.Format, settings: Mapping) -> str | Non
     unlike, alike = sniff.unlike_columns(path) if values > expected else ([], [])
     if unlike:
         such = f", such as {path.name}: {{columns: {alike}, width: {values + 1}}}" if len(alike) == expected else ""
+        listed = ", ".join(unlike[:SHAPES]) + ", ..." * (len(unlike) > SHAPES)
         return (
-            f"{path}: {values + 1} columns per line, but a time and {expected} readings are {expected + 1}; "
-            f"{', '.join(unlike[:SHAPES])}{', ...' * (len(unlike) > SHAPES)}, unlike the others. Say by `columns` in the "
-            f"block ingest.format of settings.yaml which are readings{such}; if all are, set the sensor's size to {values}"
+            f"{path}: {values + 1} columns per line, but a time and {expected} readings are {expected + 1}; {listed}, "
+            "unlike the others. Say by `columns` in the block ingest.format of settings.yaml which are readings"
+            f"{such}; if all are, set the sensor's size to {values}"
         )
     if path.name == "array.log":
         sensor = settings["sensor"]
