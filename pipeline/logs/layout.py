@@ -573,7 +573,7 @@ class Reader:
             time = None if stamp is None else self._time(stamp)
             if time is None or not abs(time) < LATEST:
                 return None
-            rounded = "." in stamp or "e" in stamp.lower()
+            rounded = "." in stamp or "e" in stamp.lower() or ".%f" in (self.layout.time_pattern or "")
         self._keep(values)
         return time, rounded, [self._reading(k, value) for k, value in enumerate(values)]
 

@@ -213,24 +213,29 @@ def _laid_out(lines: list[str], fmt: Format, path: Path) -> Proposal | None:
     if _in_most(CHECKSUM, filled):
         common["strip"] = [CHECKSUM]
         lines, filled = ([re.sub(CHECKSUM, "", line) for line in some] for some in (lines, filled))
-    pattern = next((pattern for pattern in PATTERNS if _is_time(pattern, filled)), None)
-    if pattern is not None:
-        pattern = _by_day(pattern, path)
-        stamp = re.compile(rf"(?<![0-9]){layout.expression(pattern)}")
-        if _in_most(stamp.pattern + ZONE, filled):
-            common["strip"] = [*common.get("strip", []), ZONE]
-            lines = [re.sub(ZONE, "", line) for line in lines]
-        bare = [stamp.sub("", line, count=1).replace('""', "") if stamp.search(line) else "" for line in lines]
-        first = next(k for k, line in enumerate(lines) if stamp.search(line))
-        bare[:first] = _without_field(lines[:first], lines[first], stamp.search(lines[first]).span())
-        common["time_pattern"] = pattern
-        if (found := _of_rows(bare, fmt, common, timed=False)) is None:
-            return None
-        moments = (layout.moment(stamp.search(line)[0], pattern) for line in lines if stamp.search(line))
-        seconds = np.array([(at - datetime(1900, 1, 1)).total_seconds() for at in moments if at])
-        guesses = [*found.guesses]
-        return found._replace(layout=found.layout | _repeats(seconds, 1.0, guesses), guesses=guesses)
+    patterns = [pattern for pattern in PATTERNS if _is_time(pattern, filled)]
+    if patterns:
+        ways = (_stamped(lines, fmt, common, _by_day(pattern, path)) for pattern in patterns)
+        return next(filter(None, ways), None)  # of 12:00:00,512 the end is a fraction or a reading
     return _of_rows(lines, fmt, common, timed=True) or _of_frames(lines, fmt, common)
+
+
+def _stamped(lines: list[str], fmt: Format, common: dict, pattern: str) -> Proposal | None:
+    """Return how lines can be read that have a time of a pattern; errors as `_laid_out`."""
+    common = common | {"time_pattern": pattern}
+    stamp = re.compile(rf"(?<![0-9]){layout.expression(pattern)}")
+    if _in_most(stamp.pattern + ZONE, [line for line in lines if re.search("[0-9]", line)]):
+        common = {"strip": [*common.pop("strip", []), ZONE]} | common
+        lines = [re.sub(ZONE, "", line) for line in lines]
+    bare = [stamp.sub("", line, count=1).replace('""', "") if stamp.search(line) else "" for line in lines]
+    first = next(k for k, line in enumerate(lines) if stamp.search(line))
+    bare[:first] = _without_field(lines[:first], lines[first], stamp.search(lines[first]).span())
+    if (found := _of_rows(bare, fmt, common, timed=False)) is None:
+        return None
+    moments = (layout.moment(stamp.search(line)[0], pattern) for line in lines if stamp.search(line))
+    seconds = np.array([(at - datetime(1900, 1, 1)).total_seconds() for at in moments if at])
+    guesses = [*found.guesses]
+    return found._replace(layout=found.layout | _repeats(seconds, 1.0, guesses), guesses=guesses)
 
 
 def _without_field(above: list[str], line: str, span: tuple[int, int]) -> list[str]:
