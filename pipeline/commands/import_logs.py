@@ -84,7 +84,12 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             if given.rate_hz and "rate_hz" in one.proposal.layout:
                 one.proposal.layout["rate_hz"] = given.rate_hz
             if one.proposal.layout.get("rate_hz", 0) is None:
-                raise InputError(f"{one.table}: has no times; say by --rate-hz how many rows a second there are")
+                reason = f"{one.table}: has no times; say by --rate-hz how many rows a second there are"
+                if name == LOGS[experiment]:
+                    raise InputError(reason)
+                print(f"{name}: {reason}")
+                del found[name]
+                continue
             if (folder / name).exists() and name not in origin:
                 raise InputError(f"{folder / name}: exists already, and {ORIGIN} does not say that it was imported")
         if not found:
@@ -115,7 +120,8 @@ def _sniffed(
 ) -> tuple[list[Found], list[str]]:
     """Return how a log can be made from the tables, the likeliest first, and why it cannot be from others.
 
-    First are tables that are called as the log, then those that name its columns, then those with the fewest guesses.
+    First are tables with times, of these such as are called as the log, then those that name its columns, then those
+    with the fewest guesses.
     """
     ways, refused = [], []
     for table, text in texts.items():
@@ -123,7 +129,8 @@ def _sniffed(
         if isinstance(proposal, Proposal):
             called = Path(table).stem == Path(name).stem
             found = Found(table, text, proposal, called or proposal.named)
-            ways.append((not called, not proposal.named, len(proposal.guesses), len(ways), found))
+            timeless = proposal.layout.get("rate_hz", 0) is None
+            ways.append((timeless, not called, not proposal.named, len(proposal.guesses), len(ways), found))
         elif isinstance(proposal, str):
             refused.append(proposal.replace(str(text), table))
     return [found for *_, found in sorted(ways)], refused

@@ -140,6 +140,9 @@ def numbers_a_line(path: Path) -> int:
     """Return how many numbers most lines of a log have, whatever is between them; 0 where none has two."""
     with path.open("rb") as file:
         lines = file.read(START).decode("utf-8", "replace").splitlines()[:LINES]
+    stamp = next((layout.expression(one) for one in PATTERNS if _is_time(one, [line for line in lines if line])), None)
+    if stamp is not None:
+        lines = [re.sub(stamp, "0 ", line, count=1) for line in lines]  # one number
     counts = Counter(len(layout.NUMBERS["."].findall(line)) for line in lines)
     often = [(count, width) for width, count in counts.items() if width > 1]
     return max(often)[1] if often else 0

@@ -407,3 +407,49 @@ def test_an_order_is_proposed_only_where_it_is_one_for_every_recording():
         [plain] * 3, stuck=(np.flatnonzero(at == 1), 0)
     )  # while element 1 is pressed, and between its presses
     assert one.startswith("v0 is high in 17 % of the time without a press") and "it is stuck" in one
+
+
+def test_columns_that_are_no_readings_are_not_counted_as_such(workspace, touch_logs, tmp_path, capsys):
+    """A checksum of a kind that is not known and a temperature are named, and no size of the array counts them."""
+    noise = np.random.default_rng(0).normal(25, 1, 10**5)
+    folder = edited(
+        touch_logs, tmp_path / "logs", array=lambda lines: [f"{line},{noise[k]:.2f}" for k, line in enumerate(lines)]
+    )
+    first, _ = checked(workspace, "touch", folder, capsys)
+    assert "column 8 has decimals, unlike the others" in first and "columns: [2, 3, 4, 5, 6, 7], width: 8" in first
+    assert "1 x 7" not in first
+
+
+@pytest.mark.parametrize(
+    ("encoding", "unit"),
+    [(lambda us: 638_406_720_000_000_000 + 10 * us, "100ns"), (lambda us: 10**18 + 1000 * us, "ns")],
+)
+def test_times_of_another_encoding_at_a_plausible_rate(encoding, unit, workspace, touch_logs, tmp_path, capsys):
+    """Ticks read as microseconds would be a log of a tenth of its rate, which is possible, too."""
+
+    def stamped(lines):
+        fields = (line.partition(",") for line in lines if line[:1].isdigit())
+        return [f"{encoding(int(t))},{rest}" for t, _, rest in fields]
+
+    folder = edited(touch_logs, tmp_path / "logs", array=stamped, load_cell=stamped, cnc=stamped)
+    first, block = checked(workspace, "touch", folder, capsys)
+    assert first is not None and block["touch.ingest.format"]["array.log"]["time_unit"] == unit
+    pasted(folder, block)
+    again, _ = checked(workspace, "touch", folder, capsys)
+    before, _ = checked(workspace, "touch", touch_logs, capsys)
+    assert again == before
+
+
+def test_two_days_are_told_from_two_months_by_the_logs_together(workspace, touch_logs, tmp_path, capsys):
+    def stamped(lines):
+        fields = (line.partition(",") for line in lines if line[:1].isdigit())
+        begin = np.datetime64("2024-01-12T23:59:40")
+        at = ((begin + np.timedelta64(int(t), "us"), rest) for t, _, rest in fields)
+        return [f"{t.item():%m/%d/%Y %H:%M:%S.%f},{rest}" for t, rest in at]
+
+    folder = edited(touch_logs, tmp_path / "logs", array=stamped, load_cell=stamped, cnc=stamped)
+    _, block = checked(workspace, "touch", folder, capsys)
+    pasted(folder, block)
+    before, _ = checked(workspace, "touch", touch_logs, capsys)
+    again, _ = checked(workspace, "touch", folder, capsys)
+    assert again == before
