@@ -51,8 +51,9 @@ def _numbers(decimal: str) -> re.Pattern:
     """Return what a number looks like that is no part of a word or of a date; a unit may follow it."""
     point = re.escape(decimal)
     digits = rf"(?:[0-9]+(?:{point}[0-9]*)?|{point}[0-9]+)(?:[eE][-+]?[0-9]+)?"
-    after = rf"(?=(?:{units.ATTACHED})(?!\w))|(?!\w|{point}[0-9])"
-    return re.compile(rf"(?<![\w{point}])(?:[-+]?{digits}|[-+]?(?:nan|NaN|NAN|inf))(?:{after})")
+    after = rf"(?!\w|{point}[0-9])|(?=(?:{units.ATTACHED})(?!\w))"
+    sign = r"(?:[-+]|(?:(?<=[,;:=|])|(?<=[,;:=|] ))[-+][ \t]+)?"  # scales print blanks behind it
+    return re.compile(rf"(?<![\w{point}])(?:{sign}{digits}|[-+]?(?:nan|NaN|NAN|inf))(?:{after})")
 
 
 NUMBERS = {decimal: _numbers(decimal) for decimal in ".,"}
@@ -135,6 +136,8 @@ def beside(words: tuple[str, ...], separator: str) -> Sequence[units.Beside]:
 
 def with_point(field: str, decimal: str) -> str:
     """Return a number's text with a decimal point and without signs between thousands."""
+    if " " in field or "\t" in field:  # behind its sign
+        field = field[0] + field[1:].lstrip(" \t")
     if _THOUSANDS[decimal].fullmatch(field):
         field = field.replace("," if decimal == "." else ".", "")
     return field.replace(",", ".") if decimal == "," else field

@@ -663,6 +663,17 @@ def _written(table: _Table, lines: list[str], places: Sequence[int], columns: Se
     return found
 
 
+def _constant_words(table: _Table, lines: list[str]) -> list[str]:
+    """Return the words that are a column of their own behind a number, the same in every line of the table."""
+    rows = [
+        re.findall(r"[0-9][\"']?[,;|\t][ \"']*([^\W\d_]{2,})[ \"']*(?=[,;|\t]|$)", line)
+        for line in lines[table.first :]
+    ]
+    rows = [row for row in rows if row]
+    alike = len(rows) > SHARE * (len(lines) - table.first) and all(row == rows[0] for row in rows)
+    return [f"'{word}'" for word in dict.fromkeys(rows[0]) if not layout.is_missing(word)] if alike else []
+
+
 def _said(words: tuple[str, ...], table: _Table, places: Sequence[int], columns: Sequence[Column]) -> list[str | None]:
     """Return the units that words of a line say of columns."""
     return units.of_columns(layout.beside(words, table.separator), places, columns) if words else [None] * len(places)
@@ -756,6 +767,8 @@ def _scale(
     factors = [units.factor(one.unit, column, one.where) for one, column in zip(written, columns, strict=True)]
     if any(factors):
         return _scale_of_units(readings, written, columns, factors, guesses, said)
+    if columns[0].unit not in units.NO_UNIT and (words := _constant_words(table, lines)):
+        guesses.append(f"that {', '.join(words)} behind the readings {'are' if len(words) > 1 else 'is'} no unit")
     if labels and columns[0].unit not in units.NO_UNIT:
         guesses.append("that the words behind the readings, which differ from line to line, are no units")
         return {"scale": 1}
@@ -908,7 +921,13 @@ def _of_frames(lines: list[str], fmt: Format, common: dict) -> Proposal | None:
         if often > SHARE * len(between) and shape.count("\0") == 1:
             before, after = map(re.escape, shape.split("\0"))
             found["frame_begins"] = f"{before}(.*){after}"
-            times = np.array([float(number.search(line)[0]) for line in between if number.sub("\0", line) == shape])
+            times = np.array(
+                [
+                    float(layout.with_point(number.search(line)[0], "."))
+                    for line in between
+                    if number.sub("\0", line) == shape
+                ]
+            )
             guesses: list[str] = []
             said: list[str] = []
             words = units.beside(tuple(shape.split("\0")))[0]

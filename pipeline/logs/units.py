@@ -17,7 +17,8 @@ SIZES = {  # quantity -> unit -> its size; exact, by the international pound and
     | dict.fromkeys(("ozf", "oz"), 0.27801385095378125)
     | dict.fromkeys(("kgf", "kg"), 9.80665)
     | dict.fromkeys(("gf", "g"), 9.80665e-3)
-    | dict.fromkeys(("mgf", "mg"), 9.80665e-6),
+    | dict.fromkeys(("mgf", "mg"), 9.80665e-6)
+    | {"tonne": 9806.65},
     "length": {"mm": 1, "cm": 10, "dm": 100, "m": 1000, "um": 1e-3}
     | {"in": 25.4, "inch": 25.4, "ft": 304.8, "mil": 0.0254, "thou": 0.0254},
     "voltage": {"V": 1, "mV": 1e-3, "uV": 1e-6, "nV": 1e-9, "kV": 1e3, "MV": 1e6},
@@ -38,6 +39,7 @@ OTHERWISE = {
     "hour": "h", "hours": "h", "day": "d", "days": "d", "100 ns": "100ns",
     "lbs": "lb", "pound": "lb", "pounds": "lb", "ounce": "oz", "ounces": "oz", "lb-f": "lbf", "kg-f": "kgf",
     "inches": "inch", "\"": "inch", "foot": "ft", "feet": "ft", "mils": "mil", "micron": "um", "microns": "um",
+    "tonnes": "tonne",
     "dyne": "dyn", "dynes": "dyn", "volts": "V", "degree": "deg", "degrees": "deg", "radians": "rad", "radian": "rad",
 }  # fmt: skip
 OTHERWISE |= {
@@ -267,6 +269,12 @@ _NAME = re.compile(
 _LONGEST_NAME = 60  # characters
 
 
+def _is_alone(text: str) -> bool:
+    """Tell whether a column is a unit; a time's in small letters, for US and ST are what scales say while they move."""
+    unit = known(text)
+    return unit is not None and (KNOWN[unit] != "time" or text.islower())
+
+
 def beside(gaps: tuple[str, ...]) -> tuple[Beside, ...]:
     """Return the words beside each of n numbers; gaps: the n + 1 texts around them.
 
@@ -289,7 +297,7 @@ def beside(gaps: tuple[str, ...]) -> tuple[Beside, ...]:
         near.append((found[found.lastindex or 0].strip(" .") if found else None, sure))
         rests.append(gap[found.end() :] if found else gap)
     rests[-1] += "\n"
-    alone = [[text for text in _ALONE.findall(rest) if known(text)] for rest in rests]
+    alone = [[text for text in _ALONE.findall(rest) if _is_alone(text)] for rest in rests]
     return tuple(
         Beside(
             found[1] if (found := _NAME.search(rests[k][-_LONGEST_NAME:])) else "",

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.base.errors import InputError
 from pipeline.experiments import strain, touch
-from pipeline.logs import parse, units
+from pipeline.logs import parse, sniff, units
 from pipeline.own import logs as own_logs
 
 SETTINGS = {"ingest": {"max_reject_fraction": 0.02}}
@@ -178,3 +178,18 @@ def test_a_line_of_many_words_is_read_in_no_time(tmp_path):
     """Words are looked at from their end; a hostile line must not take hours."""
     found = units.beside(("a b " * 200_000, " N" + " c=d" * 200_000))
     assert found[0].near == "N"
+
+
+def test_what_scales_print_beside_the_number(tmp_path):
+    """`US` while they move is no microsecond, a sign has blanks behind it, and a word that never changes is said."""
+    force = (truth(CELL)[:, 0] - 4).tolist()
+    lines = [
+        f"{t},{'US' if k % 3 else 'ST'},GS,{'-' if v < 0 else '+'}  {abs(v):.6f}kg"
+        for k, (t, v) in enumerate(zip(stamps(CELL), force, strict=True))
+    ]
+    path = written(tmp_path / "a.log", lines)
+    found = own_logs.proposed("touch", path, CELL, SETTINGS, None)
+    values, rejects = values_of(path, CELL, found.layout)
+    assert values[:, 0] == pytest.approx(9.80665 * np.array(force), abs=1e-4) and rejects.num_rows == 0
+    path = log(tmp_path / "a.log", CELL, lambda t, v: f"{t},{v[0]!r},stone")
+    assert "that 'stone' behind the readings is no unit" in sniff.proposed(path, CELL).guesses
