@@ -94,7 +94,7 @@ ENDING = re.compile(r"(?<=[^\W_])[ _/]+([^\W\d_]+)$")
 INDEX = re.compile(r"\d*|f?[xyz]", re.IGNORECASE)  # pose[0], pos (x)
 
 
-@functools.cache
+@functools.lru_cache(10_000)
 def known(text: str) -> str | None:
     """Return the unit that a text is, as SIZES has it; None for one that is not in there.
 
