@@ -664,7 +664,9 @@ def _written(table: _Table, lines: list[str], places: Sequence[int], columns: Se
 
 
 def _constant_words(table: _Table, lines: list[str]) -> list[str]:
-    """Return the words that are a column of their own behind a number, the same in every line of the table."""
+    """Return the words that are a column of their own behind a number, without a name, the same in every line."""
+    if table.separator != layout.TEXT and _header(table, lines)[1]:
+        return []
     rows = [
         re.findall(r"[0-9][\"']?[,;|\t][ \"']*([^\W\d_]{2,})[ \"']*(?=[,;|\t]|$)", line)
         for line in lines[table.first :]
