@@ -28,7 +28,7 @@ from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
 from pipeline.inference import timing
-from pipeline.logs import alignment, diagnosis, layout, no_measurement, own_data, parse, rest, shown, sniff
+from pipeline.logs import alignment, diagnosis, layout, no_measurement, own_data, parse, rest, shown, sniff, units
 from pipeline.logs.formats import DUPLICATE, LOGS, Column
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
@@ -208,6 +208,15 @@ def wrong_columns(path: Path, fmt: parse.Format, settings: Mapping) -> str | Non
             f"{path}: {values + 1} values per line and no time before them; begin each line with "
             f"{fmt.columns[0].name}, the device's clock"
         )
+    unlike, alike = sniff.unlike_columns(path) if values > expected else ([], [])
+    if unlike:
+        such = f", such as {path.name}: {{columns: {alike}, width: {values + 1}}}" if len(alike) == expected else ""
+        listed = ", ".join(unlike[:SHAPES]) + ", ..." * (len(unlike) > SHAPES)
+        return (
+            f"{path}: {values + 1} columns per line, but a time and {expected} readings are {expected + 1}; {listed}, "
+            "unlike the others. Say by `columns` in the block ingest.format of settings.yaml which are readings"
+            f"{such}; if all are, set the sensor's size to {values}"
+        )
     if path.name == "array.log":
         sensor = settings["sensor"]
         shapes = [f"{n} x {values // n}" for n in range(1, values + 1) if values % n == 0]
@@ -235,13 +244,21 @@ def _begins_with_time(path: Path) -> bool:
 def conventions(path: Path, log: own_logs.Log, settings: Mapping) -> Iterator[str]:
     """Yield problems of a log that can be read: wrong units of time, force and place."""
     rate = log.report["rate_hz"]
-    if rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
-        unit = "microseconds" if "t_us" in log.rows.column_names else "seconds"
+    told = own_logs.imported(path.parent).get(path.name, {}) | (layout.of(settings["ingest"], path.name) or {})
+    own_time = not {"time_unit", "time_pattern", "rate_hz"} & told.keys()
+    unit = "us" if "t_us" in log.rows.column_names else "s"
+    times = log.rows[f"t_{unit}"].to_numpy() if f"t_{unit}" in log.rows.column_names else np.zeros(0)
+    absolute = units.absolute(float(np.median(times)), float(np.median(np.diff(times)))) if len(times) > 1 else {}
+    if own_time and absolute and unit not in absolute:
+        yield (
+            f"{path}: the times are {' or '.join(absolute.values())}; write {path.name}: {{time_unit: "
+            f"{' or '.join(absolute)}}} into the block ingest.format of settings.yaml"
+        )
+    elif rate and not SLOWEST_HZ <= rate <= FASTEST_HZ:
+        unit = "microseconds" if unit == "us" else "seconds"
         advice = TIMES.get((unit, rate > FASTEST_HZ), "")
         yield f"{path}: {rate:g} lines per second; is the first column the time in {unit}?{advice}"
-    told = own_logs.imported(path.parent).get(path.name, {}) | (layout.of(settings["ingest"], path.name) or {})
-    if "t_s" in log.rows.column_names and not {"time_unit", "time_pattern", "rate_hz"} & told.keys():
-        times = log.rows["t_s"].to_numpy()
+    if "t_s" in log.rows.column_names and own_time:
         if len(times) >= WHOLE_TIMES and (times == np.rint(times)).all():
             yield (
                 f"{path}: all times are whole numbers, {np.median(np.diff(times)):g} apart: are these milliseconds? "

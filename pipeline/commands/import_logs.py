@@ -7,7 +7,9 @@ each log was made from, and what was guessed: to correct it, change it there and
 """
 
 import argparse
+import shutil
 import tempfile
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +21,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import check
 from pipeline.logs import layout, parse
+from pipeline.logs.diagnosis import QUOTED
 from pipeline.logs.formats import LOGS, Format
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
@@ -81,7 +84,12 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             if given.rate_hz and "rate_hz" in one.proposal.layout:
                 one.proposal.layout["rate_hz"] = given.rate_hz
             if one.proposal.layout.get("rate_hz", 0) is None:
-                raise InputError(f"{one.table}: has no times; say by --rate-hz how many rows a second there are")
+                reason = f"{one.table}: has no times; say by --rate-hz how many rows a second there are"
+                if name == LOGS[experiment]:
+                    raise InputError(reason)
+                print(f"{name}: {reason}")
+                del found[name]
+                continue
             if (folder / name).exists() and name not in origin:
                 raise InputError(f"{folder / name}: exists already, and {ORIGIN} does not say that it was imported")
         if not found:
@@ -90,9 +98,17 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
                 f"has; fix {sensor / own_settings.FILE}, or name the columns in {folder / ORIGIN}, such as logs: "
                 f"{{{LOGS[experiment]}: {{{FROM}: {next(iter(texts))}, separator: ',', time: 1, columns: 2..5}}}}"
             )
+        limit, key = settings["ingest"]["max_reject_fraction"], f"{experiment}.ingest.max_reject_fraction"
+        said = {name: _write(Path(draft, name), one, formats[name], limit, key) for name, one in found.items()}
         folder.mkdir(parents=True, exist_ok=True)
-        for name, one in found.items():
-            _write(folder / name, one, formats[name])
+        for name, one in found.items():  # all of them, or none
+            with files.replacing(folder / name) as target:
+                shutil.copyfile(Path(draft, name), target)
+            print(f"{folder / name}: {said[name]}")
+            for sentence in one.proposal.said:
+                print(f"  {sentence}")
+            for guess in one.proposal.guesses:
+                print(f"  guessed: {guess}")
     _write_origin(folder / ORIGIN, given.files, found)
     if len(found) > 1 and len({one.table for one in found.values()}) == 1 and "clock" in settings["ingest"]:
         print(f"the logs have one time: write {experiment}.ingest.clock: shared into {sensor / own_settings.FILE}")
@@ -104,7 +120,8 @@ def _sniffed(
 ) -> tuple[list[Found], list[str]]:
     """Return how a log can be made from the tables, the likeliest first, and why it cannot be from others.
 
-    First are tables that are called as the log, then those that name its columns, then those with the fewest guesses.
+    First are tables with times, of these such as are called as the log, then those that name its columns, then those
+    with the fewest guesses.
     """
     ways, refused = [], []
     for table, text in texts.items():
@@ -112,7 +129,8 @@ def _sniffed(
         if isinstance(proposal, Proposal):
             called = Path(table).stem == Path(name).stem
             found = Found(table, text, proposal, called or proposal.named)
-            ways.append((not called, not proposal.named, len(proposal.guesses), len(ways), found))
+            timeless = proposal.layout.get("rate_hz", 0) is None
+            ways.append((timeless, not called, not proposal.named, len(proposal.guesses), len(ways), found))
         elif isinstance(proposal, str):
             refused.append(proposal.replace(str(text), table))
     return [found for *_, found in sorted(ways)], refused
@@ -175,23 +193,27 @@ def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path) ->
     return Found(table, texts[table], Proposal(described, []), True)
 
 
-def _write(path: Path, found: Found, fmt: Format) -> None:
-    """Write one log in the product's own layout, and say what came of it."""
-    rows, rejected = 0, 0
-    with files.replacing(path) as draft, open(draft, "w", encoding="utf-8", newline="\n") as log:
+def _write(path: Path, found: Found, fmt: Format, limit: float, key: str) -> str:
+    """Write one log in the product's own layout, and return what came of it.
+
+    Raises InputError where more than the share `limit` of the rows, which the setting `key` has, is left out.
+    """
+    rows, first = 0, ""
+    left_out: Counter[str] = Counter()
+    with path.open("w", encoding="utf-8", newline="\n") as log:
         log.write(f"{fmt.header}\n")
         for lines in layout.lines(found.text, found.proposal.layout, fmt):
             kept = [line.text for line in lines if line.reason is None]
-            rows, rejected = rows + len(kept), rejected + len(lines) - len(kept)
+            rows += len(kept)
+            left_out.update(line.reason for line in lines if line.reason is not None)
+            first = first or next((f"{line.number}, {line.text[:QUOTED]!r}" for line in lines if line.reason), "")
             log.writelines(f"{text}\n" for text in kept)
-        if not rows:
-            raise InputError(f"{found.table}: no row is as {path.with_name(ORIGIN)} says; fix the block of {path.name}")
-    said = f"; {rejected} rows without all values are left out" if rejected else ""
-    print(f"{path}: {rows} lines from {found.table}{said}")
-    for sentence in found.proposal.said:
-        print(f"  {sentence}")
-    for guess in found.proposal.guesses:
-        print(f"  guessed: {guess}")
+    if not rows:
+        raise InputError(f"{found.table}: no row is as its block in {ORIGIN} says; fix the block of {path.name}")
+    parse.check_rejects(Path(found.table), rows + left_out.total(), left_out, limit, key)
+    reasons = ", ".join(f"{reason} {count}" for reason, count in left_out.most_common())
+    said = f"; {left_out.total()} rows are left out ({reasons}; first: row {first})" if left_out else ""
+    return f"{rows} lines from {found.table}{said}"
 
 
 def _write_origin(path: Path, sources: list[Path], found: Mapping[str, Found]) -> None:

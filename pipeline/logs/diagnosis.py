@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.logs import layout
+from pipeline.logs import layout, units
 from pipeline.logs.formats import OUT_OF_RANGE, Format
 
 START = 1 << 18  # bytes of a log that are looked at: a hundred lines of the widest log
@@ -18,6 +18,9 @@ USUAL = 0.9  # share of the lines in which the time rises
 SLOW_S = 5.0  # no device prints a line in so long
 ROW = re.compile(r"""[-+0-9.,;:|eETZ_/"'\t ]*[0-9][-+0-9.,;:|eETZ_/"'\t ]*""")  # numbers and dates, not words
 HEXADECIMAL = re.compile(r"[0-9a-fA-FxX,;: \t]*[0-9][a-fA-FxX][0-9a-fA-FxX,;: \t]*")
+BESIDE = re.compile(
+    rf"(?<![\w.])[-+]?[0-9]+(?:\.[0-9]+)?(?!(?:{units.ATTACHED}|[eExX][0-9a-fA-F]+)(?!\w))([^\W\d_]+)(?!\w)"
+)
 CONVERSIONS = {  # unit -> advice for values that are far outside
     "us": "write microseconds, from any zero",
     "s": "write seconds, from any zero",
@@ -60,6 +63,8 @@ def in_words(path: Path, lines: list[tuple[int, str]], fmt: Format) -> str | Non
         return None
     number, line = lines[len(lines) // 2]
     wrong = "words or units beside the numbers"
+    if beside := next((found[1] for found in map(BESIDE.search, (text for _, text in lines)) if found), None):
+        wrong = f"'{beside}' behind a number, which is no unit that is known here"
     if sum(bool(HEXADECIMAL.fullmatch(text)) for _, text in lines) > len(lines) / 2:
         wrong = "hexadecimal numbers; write them in decimal"
     return f"{path}: line {number} is {line[:QUOTED]!r}: {wrong}; a line is {fmt.shown} and nothing else"
@@ -82,6 +87,9 @@ def columns(rows: list[list[str]], usual: list[str], fmt: Format) -> str | None:
         return f"column {rising.argmax() + 1} seems to be the time; the order is {fmt.shown}"
     interval = np.median(np.diff([row[time] for row in values])) if len(values) > 1 else 0.0
     unit = fmt.columns[time].unit
+    absolute = units.absolute(float(usual[time]), interval)
+    if absolute and unit not in absolute:
+        return f"the times are {' or '.join(absolute.values())}; write {unit}, from any zero"
     if interval * (1e-6 if unit == "us" else 1) > SLOW_S:
         return f"the time rises by {interval:g} {unit} per line; {CONVERSIONS[unit]}"
     for field, column in zip(usual, fmt.columns, strict=True):

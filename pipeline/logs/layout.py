@@ -10,7 +10,7 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import BinaryIO, NamedTuple
 
 from pipeline.base.errors import InputError
 from pipeline.logs import units
-from pipeline.logs.formats import COLUMNS, DUPLICATE, NOT_A_NUMBER, UNREADABLE, Format
+from pipeline.logs.formats import COLUMNS, DUPLICATE, NOT_A_NUMBER, UNIT, UNREADABLE, Format
 from pipeline.settings.shared import Layout
 
 TEXT = "text"  # the separator that stands for anything between two numbers
@@ -27,8 +27,9 @@ ABOVE = 200  # lines, of which those above the first row are left out; banners a
 LONGEST_LINE = 1 << 24  # characters; a log without line ends must not fill the memory
 LATEST = 10**18  # in the unit of a log; a time beyond is none
 MOST_ALIKE = 10_000  # lines of one time that are spread; a clock that stands still for longer has no times
-NANOSECONDS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
-UNITS = "m?N|k?g|[mcu]?m|m?V|[mun]?s|k?Pa|[kM]?ohm"
+NANOSECONDS = {unit: round(size) for unit, size in units.SIZES["time"].items()}
+MOST_SAID = 1000  # different words of lines whose units are remembered
+SAME_SCALE = 0.01  # by which a scale may differ from that of a unit
 GZIP = b"\x1f\x8b"
 BROKEN = (EOFError, gzip.BadGzipFile, zlib.error)  # what reading a damaged file by gzip raises
 
@@ -41,6 +42,8 @@ _THOUSANDS = {
 }
 _FLOAT = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _NAN = re.compile(r"[-+]?nan|null|none|n/a|na", re.IGNORECASE)
+_WORD = re.compile(r"[^\W\d_eE]|%")  # in a line that is not of numbers alone
+FRACTION = re.compile(r":[0-9]{1,2}\.[0-9]")  # of a second
 _DIRECTIVES = {"Y": "[0-9]{4}", "f": "[0-9]{1,9}", "b": "[A-Za-z]{3}", "B": "[A-Za-z]+", "p": "[AaPp][Mm]"}
 
 
@@ -48,11 +51,13 @@ def _numbers(decimal: str) -> re.Pattern:
     """Return what a number looks like that is no part of a word or of a date; a unit may follow it."""
     point = re.escape(decimal)
     digits = rf"(?:[0-9]+(?:{point}[0-9]*)?|{point}[0-9]+)(?:[eE][-+]?[0-9]+)?"
-    after = rf"(?=(?:{UNITS})(?!\w))|(?!\w|{point}[0-9])"
-    return re.compile(rf"(?<![\w{point}])(?:[-+]?{digits}|[-+]?(?:nan|NaN|NAN|inf))(?:{after})")
+    after = rf"(?!\w|{point}[0-9])|(?=(?:{units.ATTACHED})(?!\w))"
+    sign = r"(?:[-+]|(?:(?<=[,;:=|])|(?<=[,;:=|] ))[-+][ \t]+)?"  # scales print blanks behind it
+    return re.compile(rf"(?<![\w{point}])(?:{sign}{digits}|[-+]?(?:nan|NaN|NAN|inf))(?:{after})")
 
 
 NUMBERS = {decimal: _numbers(decimal) for decimal in ".,"}
+_PARTS = {decimal: re.compile(f"({number.pattern})") for decimal, number in NUMBERS.items()}
 
 
 class Line(NamedTuple):
@@ -101,11 +106,38 @@ def divided(line: str, separator: str) -> list[str]:
 def numbers(line: str, separator: str, decimal: str) -> list[str]:
     """Return the columns of a line as text with a decimal point; with TEXT as separator, the numbers in it."""
     fields = NUMBERS[decimal].findall(line) if separator == TEXT else divided(line, separator)
+    if separator == "," == decimal:  # 0,5,2,46 is 0.5 and 2.46: every number has decimals
+        return [".".join(fields[k : k + 2]) for k in range(0, len(fields), 2)]
     return [with_point(field, decimal) for field in fields]
+
+
+def with_words(line: str, separator: str, decimal: str) -> tuple[list[str], tuple[str, ...]]:
+    """Return the columns of a line as `numbers` does, and the words in it, as `beside` takes them."""
+    if separator == TEXT:
+        parts = _PARTS[decimal].split(line)
+        return [with_point(number, decimal) for number in parts[1::2]], tuple(parts[::2])
+    fields = numbers(line, separator, decimal)
+    if not _WORD.search(line):
+        return fields, ()
+    return fields, tuple("" if is_number(field) or is_missing(field) else field for field in fields)
+
+
+def beside(words: tuple[str, ...], separator: str) -> Sequence[units.Beside]:
+    """Return the words beside each column of a line; words: of `with_words`, () where there are none."""
+    if separator == TEXT or not words:
+        return units.beside(words or ("",))
+    gaps = [""]
+    for word in words:  # a word that is a column stands between the numbers beside it
+        gaps[-1] += f",{word}," if word else ""
+        gaps += [] if word else [""]
+    found = iter(units.beside(tuple(gaps)))
+    return [units.NOTHING if word else next(found) for word in words]
 
 
 def with_point(field: str, decimal: str) -> str:
     """Return a number's text with a decimal point and without signs between thousands."""
+    if " " in field or "\t" in field:  # behind its sign
+        field = field[0] + field[1:].lstrip(" \t")
     if _THOUSANDS[decimal].fullmatch(field):
         field = field.replace("," if decimal == "." else ".", "")
     return field.replace(",", ".") if decimal == "," else field
@@ -132,10 +164,24 @@ def _bare(names: list[str]) -> set[str]:
 
 
 def expression(pattern: str) -> str:
-    """Return the regular expression of what a pattern of strptime can stand for."""
+    """Return the regular expression of what a pattern of strptime can stand for, as `moment` reads it."""
     parts = re.split(r"%(.)", pattern)
     fixed = (re.escape(part) if k % 2 == 0 else _DIRECTIVES.get(part, "[0-9]{1,2}") for k, part in enumerate(parts))
-    return "".join(fixed)
+    found = "".join(fixed).replace(rf"\.{_DIRECTIVES['f']}", rf"(?:\.{_DIRECTIVES['f']})?")
+    return found if "%f" in pattern else rf"{found}(?!\.[0-9])"
+
+
+def moment(stamp: str, pattern: str) -> datetime | None:
+    """Return the time that a text is by a pattern of strptime, or None where it is none.
+
+    Behind a point the fraction of a second may be missing, as `isoformat` and workbooks have it at whole seconds.
+    """
+    if ".%f" in pattern and not FRACTION.search(stamp):
+        pattern = pattern.replace(".%f", "")
+    try:
+        return datetime.strptime(without_nanoseconds(stamp), pattern)
+    except ValueError:
+        return None
 
 
 def without_nanoseconds(stamp: str) -> str:
@@ -221,6 +267,10 @@ class Reader:
         self._rounded = False  # their time, which was not cut
         self._before: Decimal | None = None  # time of those before
         self._days, self._last_s = 0, None
+        self._zero: int | None = None  # 1970 in the unit of the time
+        self._units: tuple[str | None, ...] = ()  # that stand with the time and the readings of the first row
+        self._units_line = 0
+        self._said: dict[tuple[str, ...], tuple[str | None, ...]] = {}  # words of a line -> units
 
     @property
     def _field_of_time(self) -> bool:
@@ -318,11 +368,11 @@ class Reader:
                 return
             stamp = found[0]
             line = (line[: found.start()] + line[found.end() :]).replace('""', "").strip(self._blanks)
-        fields = numbers(line, self.layout.separator, self.layout.decimal)
+        fields, words = with_words(line, self.layout.separator, self.layout.decimal)
         if self.layout.lines_per_frame > 1:
             yield from self._of_frame(text, fields)
         else:
-            yield from self._taken(self._number, text, fields, stamp)
+            yield from self._taken(self._number, text, fields, stamp, words)
 
     def _fields(self, text: str) -> list[str]:
         """Return the columns of a line of words; none where any text divides them."""
@@ -341,7 +391,8 @@ class Reader:
         line, names = next(((line, names) for line, names in reversed(self._above) if len(names) == width), (0, []))
         if not names or self.layout.lines_per_frame > 1:
             return
-        names, time, places = units.of_header(names), self._time_place, self._places
+        under = any(len(above) == width and number < line for number, above in self._above)
+        names, time, places = units.of_header(names, under), self._time_place, self._places
         if self._searched is not None:  # a column of its own in the header
             names.pop(next((k for k, name in enumerate(names) if units.named(name, "s") is None), 0))
         pairs = []
@@ -351,7 +402,74 @@ class Reader:
             places = [k for k in range(count) if k != time] if places is None else places
             pairs += [(names[place], column) for place, column in zip(places, self._readings, strict=True)]
         for name, column in pairs:
-            units.check(name, column, f"{self.where}: line {line}")
+            units.check(units.named(name, column.unit), column, f"{self.where}: line {line} names the column '{name}'")
+
+    def _units_beside(self, words: tuple[str, ...]) -> tuple[str | None, ...]:
+        """Return the unit that stands with each column of a row, the time's first, as it is written; None without."""
+        if words not in self._said:
+            columns = [self.format.columns[self._time_at], *self._readings]
+            said: list[str | None] = [None] * len(columns)
+            if words:
+                found = beside(words, self.layout.separator)
+                places = self._places_of_readings(len(found))
+                if self._field_of_time:
+                    said = units.of_columns(found, [self._time_place, *places], columns)
+                else:
+                    said[1:] = units.of_columns(found, places, columns[1:])
+            if len(self._said) == MOST_SAID:
+                self._said.clear()
+            self._said[words] = tuple(said)
+        return self._said[words]
+
+    def _check_beside(self, number: int, said: tuple[str | None, ...]) -> None:
+        """Raise Unit where the first row has a unit that the layout does not read it in.
+
+        A factor of the layout stands for a unit that is not known, but has to be that of one that is.
+        """
+        given, kinds = self.layout.model_fields_set, set()
+        for k, (text, column) in enumerate(
+            zip(said, [self.format.columns[self._time_at], *self._readings], strict=True)
+        ):
+            if text is None:
+                continue
+            unit, where = units.known(text), f"{self.where}: line {number} has '{text}'"
+            if k == 0 and self.layout.time_unit is None or k > 0 and "scale" not in given:
+                units.check(text, column, where)
+            elif k == 0 and units.KNOWN.get(unit) == "time" and unit != self.layout.time_unit:
+                raise units.Unit(f"{where}, but time_unit in its format is {self.layout.time_unit}; write {unit}")
+            elif k > 0 and unit and units.KNOWN[unit] == units.KNOWN.get(units.known(column.unit)):
+                size, scale = units.factor(text, column, where), self._linear[k - 1][0]
+                if size and abs(abs(scale) / size - 1) > SAME_SCALE:
+                    raise units.Unit(
+                        f"{where} for {column.name}, but scale in its format is {scale:g}, and of {unit} it is "
+                        f"{size:.15g}; write that, or, where the word is wrong, take it out by `strip`"
+                    )
+            if k > 0 and column.unit in units.NO_UNIT and unit:
+                kinds.add(unit)
+        if len(kinds) > 1 and not isinstance(self.layout.scale, list):
+            raise units.Unit(
+                f"{self.where}: line {number} has readings in {' and '.join(sorted(kinds))}; write a list of `scale`, "
+                "one for each reading, into the block of this log in `ingest.format`"
+            )
+
+    def _is_in_another_unit(self, said: tuple[str | None, ...]) -> bool:
+        """Tell whether a row lacks a unit that the first row has; raise Unit where it has another.
+
+        The begin of the unit is what a torn line has.
+        """
+        for before, now, column in zip(
+            self._units, said, [self.format.columns[self._time_at], *self._readings], strict=True
+        ):
+            was, unit = (text and units.known(text) for text in (before, now))
+            if was == unit or units.alike(was, unit) or (column.unit in units.NO_UNIT and not (was and unit)):
+                continue
+            if unit is None or (before and before.startswith(now)):
+                return True
+            raise units.Unit(
+                f"{self.where}: line {self._number} has '{now}' for {column.name}, but line {self._units_line} has "
+                f"{f'{before!r}' if was else 'no unit'}; bring the readings to one unit, or divide the log there"
+            )
+        return False
 
     def _reject(self, text: str, reason: str) -> Iterator[Line]:
         """Yield a reject, but not of what stands above the first row: titles, units, the names of the columns."""
@@ -422,14 +540,22 @@ class Reader:
             yield from (Line(number, text, COLUMNS) for number, text, _ in self._frame)
         self._frame = []
 
-    def _taken(self, number: int, text: str, fields: list[str], stamp: str | None) -> Iterator[Line]:
-        """Yield the row of one frame's fields; stamp: its time, where that is not among the fields."""
+    def _taken(
+        self, number: int, text: str, fields: list[str], stamp: str | None, words: tuple[str, ...] = ()
+    ) -> Iterator[Line]:
+        """Yield the row of one frame's fields; stamp: its time, where that is not among the fields; words: beside."""
+        said = self._units_beside(words) if self._is_whole(fields) else None
+        if self._begun and said is not None and said != self._units and self._is_in_another_unit(said):
+            yield from self._reject(text, UNIT)
+            return
         row = self._row(fields, stamp)
         if row is None:
             yield from self._reject(text, COLUMNS if len(fields) != self._expected() else NOT_A_NUMBER)
             return
         if not self._begun:
             self._check_units(len(fields))
+            self._check_beside(number, said)
+            self._units, self._units_line = said, number
         self._begun = True
         self._count += 1
         time, rounded, readings = row
@@ -447,16 +573,22 @@ class Reader:
             return (self._width or len(self._readings) // self.layout.lines_per_frame) * self.layout.lines_per_frame
         return self._width or len(self._readings) + self._field_of_time
 
+    def _places_of_readings(self, count: int) -> list[int]:
+        """Return the places of the readings among `count` fields."""
+        return [k for k in range(count) if k != self._time_place] if self._places is None else self._places
+
+    def _is_whole(self, fields: list[str]) -> bool:
+        """Tell whether a line, or a frame, has as many fields as a row."""
+        if len(fields) != self._expected() or not self._named:
+            return False
+        places = self._places_of_readings(len(fields))
+        return len(places) == len(self._readings) and max(places) < len(fields)
+
     def _row(self, fields: list[str], stamp: str | None) -> tuple[Decimal, bool, list[str]] | None:
         """Return (time, whether it is rounded, readings as text) of a row, or None where the fields are no row."""
-        if len(fields) != self._expected() or not self._named:
+        if not self._is_whole(fields):
             return None
-        places = self._places
-        if places is None:
-            places = [k for k in range(len(fields)) if k != self._time_place]
-        if len(places) != len(self._readings) or max(places) >= len(fields):
-            return None
-        values = [fields[place] for place in places]
+        values = [fields[place] for place in self._places_of_readings(len(fields))]
         for k, value in enumerate(values):
             if value and self._readings[k].words is not None:
                 continue
@@ -480,7 +612,7 @@ class Reader:
             time = None if stamp is None else self._time(stamp)
             if time is None or not abs(time) < LATEST:
                 return None
-            rounded = "." in stamp or "e" in stamp.lower()
+            rounded = "." in stamp or "e" in stamp.lower() or ".%f" in (self.layout.time_pattern or "")
         self._keep(values)
         return time, rounded, [self._reading(k, value) for k, value in enumerate(values)]
 
@@ -500,11 +632,11 @@ class Reader:
             if not value.is_finite():
                 return None
             unit = self.layout.time_unit
-            return self._in_unit(value * NANOSECONDS[unit] / self._unit if unit else value)
+            if unit and self._zero is None:
+                self._zero = units.zero(float(value), unit)
+            return self._in_unit((value - self._zero) * NANOSECONDS[unit] / self._unit if unit else value)
         pattern = self.layout.time_pattern
-        try:
-            read = datetime.strptime(without_nanoseconds(stamp), pattern)
-        except ValueError:
+        if (read := moment(stamp, pattern)) is None:
             return None
         dated = any(directive in pattern for directive in ("%Y", "%y", "%d", "%j"))
         since = read.replace(tzinfo=None) - datetime(1970 if dated else 1900, 1, 1)

@@ -169,8 +169,8 @@ def printed_format(path: Path, fmt: Format) -> Format:
             where = f"{path}: line {number}"
             if found is None and (found := printed(line, fmt, where)):
                 _check_units(line, found, where)
-            elif len(fields) == len(fmt.columns) and any(units.known(units.bracketed(_text(f)) or "") for f in fields):
-                _check_units(line, found or fmt, where)
+            elif len(fields) == len(fmt.columns) and units.are_units(list(map(_text, fields)), below=found is not None):
+                _check_units(line, found or fmt, where, below=found is not None)
     return found or fmt
 
 
@@ -179,11 +179,15 @@ def _text(field: bytes) -> str:
     return field.decode("utf-8", "replace").strip(" \t'\"")
 
 
-def _check_units(line: bytes, fmt: Format, where: str) -> None:
-    """Raise InputError where a header of columns in the order of `fmt` names another unit than a column's own."""
-    names = units.of_header([_text(name) for name in _content(line).lstrip(b"#%;/ \t").split(fmt.separator.encode())])
+def _check_units(line: bytes, fmt: Format, where: str, below: bool = False) -> None:
+    """Raise InputError where a header of columns in the order of `fmt` names another unit than a column's own.
+
+    below: it stands below the names.
+    """
+    names = [_text(name) for name in _content(line).lstrip(b"#%;/ \t").split(fmt.separator.encode())]
+    names = units.of_header(names, below)
     for name, column in zip(names, fmt.columns, strict=True):
-        units.check(name, column, where)
+        units.check(units.named(name, column.unit), column, f"{where} names the column '{name}'")
 
 
 class _Rejects:

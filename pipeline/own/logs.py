@@ -15,7 +15,7 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import images
 from pipeline.experiments import glove, touch
-from pipeline.logs import layout, parse, sniff
+from pipeline.logs import layout, parse, sniff, units
 from pipeline.logs.formats import DUPLICATE, REPEATED
 from pipeline.logs.report import log_report
 from pipeline.logs.sniff import Proposal
@@ -81,6 +81,8 @@ def proposed(
             found = without_copies(path, fmt, found, log)
         if found.layout == laid_out:
             return None
+    except units.Unit as error:  # as it changes in the course of the log
+        return str(error)
     except InputError:
         return None
     try:
@@ -177,7 +179,8 @@ def trial(proposal: Proposal) -> dict:
 
 def with_rate(path: Path, fmt: parse.Format, proposal: Proposal, read: Mapping[str, Log]) -> Proposal:
     """Return the proposal for a log without times with its rate, where logs beside it say how long it lasts."""
-    lasts = max((np.ptp(log.rows["time_s"].to_numpy()) for log in read.values()), default=0)
+    others = (log for name, log in read.items() if name != path.name)  # its own times count its lines
+    lasts = max((np.ptp(log.rows["time_s"].to_numpy()) for log in others), default=0)
     if not lasts:
         return proposal
     rows, _ = parse.read_log(path, fmt, layout=proposal.layout | {"rate_hz": 1.0})

@@ -153,7 +153,9 @@ class Layout(Block):
     skip_lines: CountOrNone = Field(default=0, description="Lines to leave out at the beginning")
     encoding: Text = Field(default="utf-8", description="Encoding of the text, by Python's names")
     time: Place = Field(default=1, description="Column of the time")
-    time_unit: Literal["s", "ms", "us", "ns"] = Field(default=None, description="Unit of the time, unless the log's")
+    time_unit: Literal["s", "ms", "us", "ns", "min", "h", "d", "100ns"] = Field(
+        default=None, description="Unit of the time, unless the log's; 100ns: ticks of .NET and Windows"
+    )
     time_pattern: Text = Field(
         default=None,
         description="Pattern of a time that is no number, such as %H:%M:%S.%f (Python's strptime); without `time` it "

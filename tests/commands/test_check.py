@@ -417,7 +417,7 @@ def printed_by(workspace, experiment, folder, capsys):
 
 
 def test_lines_of_each_log_are_shown_once_with_what_is_read_from_them(workspace, touch_logs, tmp_path, capsys):
-    """Also by a block that is only proposed: pounds that are taken for newtons are seen there."""
+    """Also by a block that is only proposed: pounds are seen to become newtons there."""
 
     def in_words(lines):
         return [line.replace(",", ",Reading: ") + " lbs" for line in lines if re.fullmatch(r"\d+,-?[\d.]+", line)]
@@ -433,7 +433,7 @@ def test_lines_of_each_log_are_shown_once_with_what_is_read_from_them(workspace,
     at = block.index(f"    line {largest + 1} (largest): {text[largest]}")
     time, force = text[largest].removesuffix(" lbs").split(",Reading: ")
     assert block[at + 1].startswith(f"    -> t_us {time} us = {int(time) / 1e6:.3f} s, ")
-    assert f"; fz_n {float(force):g} N" in block[at + 1]
+    assert f"; fz_n {float(force) * 4.4482216152605:.6g} N (printed times 4.44822)" in block[at + 1]
 
 
 def every(lines, change):
@@ -563,3 +563,49 @@ def test_with_a_target_check_proposes_how_logs_are_read(kind, tmp_path, capsys):
     )
     for one, other in zip(read, true, strict=True):
         assert one.truth == pytest.approx(other.truth, abs=1e-3) and one.reading == pytest.approx(other.reading)
+
+
+def test_columns_that_are_no_readings_are_not_counted_as_such(workspace, touch_logs, tmp_path, capsys):
+    """A checksum of a kind that is not known and a temperature are named, and no size of the array counts them."""
+    noise = np.random.default_rng(0).normal(25, 1, 10**5)
+    folder = edited(
+        touch_logs, tmp_path / "logs", array=lambda lines: [f"{line},{noise[k]:.2f}" for k, line in enumerate(lines)]
+    )
+    first, _ = checked(workspace, "touch", folder, capsys)
+    assert "column 8 has decimals, unlike the others" in first and "columns: [2, 3, 4, 5, 6, 7], width: 8" in first
+    assert "1 x 7" not in first
+
+
+@pytest.mark.parametrize(
+    ("encoding", "unit"),
+    [(lambda us: 638_406_720_000_000_000 + 10 * us, "100ns"), (lambda us: 10**18 + 1000 * us, "ns")],
+)
+def test_times_of_another_encoding_at_a_plausible_rate(encoding, unit, workspace, touch_logs, tmp_path, capsys):
+    """Ticks read as microseconds would be a log of a tenth of its rate, which is possible, too."""
+
+    def stamped(lines):
+        fields = (line.partition(",") for line in lines if line[:1].isdigit())
+        return [f"{encoding(int(t))},{rest}" for t, _, rest in fields]
+
+    folder = edited(touch_logs, tmp_path / "logs", array=stamped, load_cell=stamped, cnc=stamped)
+    first, block = checked(workspace, "touch", folder, capsys)
+    assert first is not None and block["touch.ingest.format"]["array.log"]["time_unit"] == unit
+    pasted(folder, block)
+    again, _ = checked(workspace, "touch", folder, capsys)
+    before, _ = checked(workspace, "touch", touch_logs, capsys)
+    assert again == before
+
+
+def test_two_days_are_told_from_two_months_by_the_logs_together(workspace, touch_logs, tmp_path, capsys):
+    def stamped(lines):
+        fields = (line.partition(",") for line in lines if line[:1].isdigit())
+        begin = np.datetime64("2024-01-12T23:59:40")
+        at = ((begin + np.timedelta64(int(t), "us"), rest) for t, _, rest in fields)
+        return [f"{t.item():%m/%d/%Y %H:%M:%S.%f},{rest}" for t, rest in at]
+
+    folder = edited(touch_logs, tmp_path / "logs", array=stamped, load_cell=stamped, cnc=stamped)
+    _, block = checked(workspace, "touch", folder, capsys)
+    pasted(folder, block)
+    before, _ = checked(workspace, "touch", touch_logs, capsys)
+    again, _ = checked(workspace, "touch", folder, capsys)
+    assert again == before

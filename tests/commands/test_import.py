@@ -140,6 +140,34 @@ def test_rows_without_times_need_a_rate(run0, tmp_path):
     assert parse.read_log(run0 / "array.log", ARRAY)[0]["t_us"].to_pylist()[:3] == [0, 20_000, 40_000]
 
 
+@pytest.mark.parametrize("step_s", [0.02, 0.1])
+def test_times_of_a_workbook_at_whole_seconds(step_s, run0, tmp_path, capsys):
+    """Cells of times have no fraction of a second there."""
+    times = [pd.Timestamp("2024-01-12 12:00:00") + pd.Timedelta(seconds=round(step_s * k, 3)) for k in range(ROWS)]
+    columns = {"time": times} | {f"ch{k}": COUNTS[:, k] for k in range(6)}
+    pd.DataFrame(columns).to_excel(tmp_path / "book.xlsx", index=False)
+    imported(tmp_path / "book.xlsx", run0, "--of", "touch")
+    rows, _ = parse.read_log(run0 / "array.log", ARRAY)
+    assert np.array_equal(matrix(rows), COUNTS) and "left out" not in capsys.readouterr().out
+    assert np.diff(rows["t_us"].to_numpy()) == pytest.approx(1e6 * step_s)
+
+
+def test_rows_that_are_left_out_are_counted_with_their_reason_and_limited(run0, tmp_path, capsys):
+    lines = [f"{t:.2f},{','.join(map(str, v))}" for t, v in zip(T, COUNTS, strict=True)]
+    header = "time_s," + ",".join(f"ch{k}" for k in range(6))
+    for wrong, row in ((1, ",1,2"), (20, "x,1,2,3,4,5,6")):
+        file = tmp_path / f"{wrong}.csv"
+        file.write_text("\n".join([header, *lines[:100], *[row] * wrong, *lines[100:]]) + "\n")
+        if wrong == 1:
+            imported(file, run0, "--of", "touch")
+            said = capsys.readouterr().out
+            assert f"{ROWS} lines from {file}; 1 rows are left out (column count 1; first: row 102, ',1,2')" in said
+            continue
+        with pytest.raises(InputError, match=r"6\.2% .*'not a number' \(20 lines\).*touch.ingest.max_reject_fraction"):
+            imported(file, run0.with_name("run1"), "--of", "touch")
+        assert not run0.with_name("run1").exists()
+
+
 def test_nothing_is_written_over_and_what_cannot_be_read_is_said(run0, tmp_path):
     run0.mkdir(parents=True)
     (run0 / "array.log").write_text("kept")

@@ -225,9 +225,11 @@ def test_a_log_that_cannot_be_read_is_refused_with_the_reason(kind, tmp_path):
 
 
 def test_a_time_that_counts_milliseconds_is_no_index(tmp_path):
-    """Beside a reading that rises as evenly."""
+    """Beside a reading that rises as evenly; without a name that says so it counts the lines."""
     lines = "".join(f"{k},{k / 100:.2f}\n" for k in range(100))
-    assert sniff.proposed(written(tmp_path, lines), ROBOT).layout == {"separator": ","}
+    found = sniff.proposed(written(tmp_path, lines), ROBOT)
+    assert found.layout == {"separator": ",", "columns": [2], "width": 2, "rate_hz": None}
+    assert "column 1, which rises by 1, counts the frames" in found.guesses[0]
     found = sniff.proposed(written(tmp_path, "t_ms,x_mm\n" + lines), ROBOT)
     assert found.layout == {"separator": ",", "time_unit": "ms"}
 
