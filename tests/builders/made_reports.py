@@ -27,7 +27,7 @@ SENSOR = {"rows": 3, "cols": 3, "pitch_mm": 12.0, "element_mm": 11.5}
 LABEL = {"tip_radius_mm": 6.0, "map_rows": 12, "map_cols": 12}
 TOUCHES = {"single": 1, "double": 2, "three": 3, "slide": 2, "tape": 5}  # condition -> touches at once
 OBJECTS = ["empty_bottle", "full_bottle_1", "full_bottle_2", "mobile_phone", "paper_roll", "toy"]
-SEEDS = (0, 1)  # of the studies
+SEEDS = (0, 1, 2)
 SESSIONS, PICTURES = 5, 3  # of each object, of each session
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet_nogcam", "sp_resnet")
 MODELS = {
@@ -46,9 +46,13 @@ def settings_of(experiment: str) -> dict:
     """Return the block of an experiment of params.yaml, made small."""
     block = copy.deepcopy(load(ROOT / "params.yaml")[experiment])
     block |= {"latency": LATENCY, "models": copy.deepcopy(MODELS[experiment])}
-    two, one = {"seeds": [0, 1]}, {"seeds": [0]}
+    all_, one = {"seeds": list(SEEDS)}, {"seeds": [0]}
     if experiment == "touch":
-        block |= {"sensor": SENSOR, "label": LABEL, "protocols": {"press": two, "random_window": one | {"passes": 1}}}
+        block |= {
+            "sensor": SENSOR,
+            "label": LABEL,
+            "protocols": {"press": all_, "random_window": one | {"passes": 1}},
+        }
         block["window"] = block["window"] | {"frames": 2}
         block["yardstick"] = block["yardstick"] | {"model": "rnn", "protocol": "press", "published": 0.25}
         half = {"of": "lomp", "frames": 2}
@@ -58,16 +62,16 @@ def settings_of(experiment: str) -> dict:
             "linear_1_frame": {"of": "linear", "frames": 1, "settings": {}},
         }
     elif experiment == "velostat_recorded":
-        block["protocols"] = dict.fromkeys(("repetition", "tip_force_5", "tip_force_10"), two)
+        block["protocols"] = dict.fromkeys(("repetition", "tip_force_5", "tip_force_10"), all_)
     elif experiment == "strain":
-        block["protocols"] = dict.fromkeys(("task_1", "task_2", "task_0"), two)
+        block["protocols"] = dict.fromkeys(("task_1", "task_2", "task_0"), all_)
     elif experiment == "strain_recorded":
-        block["protocols"] = dict.fromkeys(("within_day_xy", "across_days_xy", "within_day_z", "within_day_xyz"), two)
+        block["protocols"] = dict.fromkeys(("within_day_xy", "across_days_xy", "within_day_z", "within_day_xyz"), all_)
     elif experiment == "glove":
         for protocol in block["protocols"]:
-            block["protocols"][protocol] = two if protocol.startswith("session") else one
+            block["protocols"][protocol] = all_ if protocol.startswith("session") else one
     else:
-        block["protocols"] = {f"grasp_{d}": two for d in images.MODALITIES}
+        block["protocols"] = {f"grasp_{d}": all_ for d in images.MODALITIES}
         block["protocols"] |= {f"time_{d}": one for d in images.MODALITIES}
     return block
 
@@ -220,7 +224,7 @@ def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
         scored["xyz"] = scored["xy"][:3]
         days = {"within_day": "day_1", "across_days": "day_2"}
         return pa.table(columns), part, truth, lambda p: {days[p.rsplit("_", 1)[0]]: scored[p.rsplit("_", 1)[1]]}
-    pairs = [(task, seed) for task in ("task_1", "task_2") for seed in (0, 1)]
+    pairs = [(task, seed) for task in ("task_1", "task_2") for seed in SEEDS]
     networks = {"lstm_direct": 2.0, "lstm_transfer": 3.0, "lstm_transfer_ridge": 3.5}
     for name, column, values in (("samples", "samples", (100, 1000)), ("strands", "strands", (2, 4))):
         rows = [
@@ -235,7 +239,7 @@ def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
         ("task_2", m, b, s, "error", "mm", 3.0 + s)
         for m in list(networks)[1:]
         for b in ("task_0", "task_1")
-        for s in (0, 1)
+        for s in SEEDS
     ]
     header = ["protocol", "model", "base", "seed", "metric", "unit", "value"]
     studied(workspace, "strain", "bases", pd.DataFrame(rows, columns=header))
@@ -291,10 +295,10 @@ def glove(workspace, settings: dict, experiment: str = "glove") -> tuple:
     )
     schemas.write(workspace.frames("glove"), frames.schema, [frames])
     (workspace.experiment_folder("glove") / "stag.csv").write_text("form,model,seed,frames,metric,unit,value,n\n")
-    several = by_frames({"sp_resnet": [0.7, 0.8], "resnet3x3": [0.6, 0.75]})
+    all_ = by_frames({"sp_resnet": [0.7, 0.8], "resnet3x3": [0.6, 0.75]})
     one = by_frames({"sp_resnet": [0.65, 0.68, 0.72], "resnet3x3": [0.5, 0.6, 0.65]}, 1, "mean")
     together = pd.concat(
-        [several.assign(condition="combined"), *(one.assign(condition=d) for d in ("combined", "pressure"))]
+        [all_.assign(condition="combined"), *(one.assign(condition=d) for d in ("combined", "pressure"))]
     )
     studied(workspace, "glove", "input_frames", together)
     workspace.reports.mkdir(exist_ok=True)
@@ -332,12 +336,12 @@ def studied(workspace, experiment: str, table: str, rows: pd.DataFrame) -> None:
 
 
 def by_frames(levels: dict, first: int = 2, form: str = "trained") -> pd.DataFrame:
-    """Return rows of input_frames.csv; levels: model -> precision at `first` frames and on; seed 1: one point more."""
+    """Return rows of input_frames.csv; levels: model -> precision at `first` frames and on, a point more each seed."""
     rows = [
         (form, model, seed, frames, metric, "1", level + 0.01 * seed, 9)
         for model, values in levels.items()
         for frames, level in enumerate(values, first)
-        for seed in (0, 1)
+        for seed in SEEDS
         for metric in ("macro_precision", "accuracy")
     ]
     return pd.DataFrame(rows, columns=["form", "model", "seed", "frames", "metric", "unit", "value", "n"])

@@ -180,7 +180,12 @@ def test_a_trained_model_is_given_the_same_strands_of_both_days(tmp_path):
     """Read as they stand, those of the second day would be one strand off."""
     inputs = SimpleNamespace(chosen=strain_recorded.channels("across_days_xy", "day_1"))
     card = SimpleNamespace(
-        experiment="strain_recorded", protocol="across_days_xy", reading=SETTINGS, inputs=inputs, kind="series"
+        experiment="strain_recorded",
+        protocol="across_days_xy",
+        reading=SETTINGS,
+        inputs=inputs,
+        kind="series",
+        correlation=None,
     )
     for channels, day in ((6, "para5_long.mat"), (7, "para5_long_n.mat")):
         content = workspace(channels=channels)

@@ -64,8 +64,10 @@ def test_lines_of_any_layout(tmp_path, content, laid_out, first, largest):
     ("laid_out", "value"),
     [
         ({"separator": "text", "scale": 4.4482216152605}, "fz_n 11.7433 N (printed times 4.44822)"),
-        ({"separator": "text", "offset": -1}, "fz_n 1.64 N (printed plus -1)"),
-        ({"separator": "text"}, "fz_n 2.64 N"),
+        (
+            {"separator": "text", "scale": 4.4482216152605, "offset": -1},
+            "fz_n 10.7433 N (printed times 4.44822 plus -1)",
+        ),
     ],
 )
 def test_the_gain_is_shown(tmp_path, laid_out, value):
