@@ -256,8 +256,8 @@ def measured_near(values: Values, printed: Printed) -> Judgement:
 
 
 def calibrated(values: Values, printed: Printed) -> Judgement:
-    """Return the number that a scene was tuned to, which is no evidence, whatever it is."""
-    mean = results.estimate(only(values))
+    """Return the error, or ratio of errors, that a scene was tuned to, which is no evidence, whatever it is."""
+    mean = results.estimate(only(values), results.LOG)
     off = mean.mean / only(printed) - 1
     reason = f"{100 * off:+.0f} % from the published one; a setting of the scene was chosen by it, on validation parts"
     return Judgement(mean.mean, mean.low, mean.high, CALIBRATED, reason, mean.runs)
