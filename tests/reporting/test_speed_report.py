@@ -131,7 +131,7 @@ def test_text_says_failed_and_names_the_fronts(workspace, measured):
     )
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
     (cnn,) = [row for row in rows if row[0] == "CNN"]
-    assert cnn[1] == cnn[2] == "failed (1 of 2 runs); others 10.00" and cnn[-2:] == ["no", "no"]
+    assert cnn[1] == cnn[2] == "failed (1 of 3 runs); others 10.00" and cnn[-2:] == ["no", "no"]
     (tree,) = [row for row in rows if row[0] == "Decision tree"]
     assert tree[3:8] == ["1.000 [0.950, 1.050]", "9.000", "1,000", "3.0", "11.0"]
     assert tree[9] == "-" and tree[-1] == "all"
