@@ -12,6 +12,7 @@ from opened.sitecustomize import NATIVE
 # Python's own files are imported (test_architecture.py), settings are watched by their keys, and what stages write is
 # finished under another name: these are no results of another stage.
 OWN = re.compile(r"(pipeline(/\S+)?/__pycache__(/.*)?|.*\.pyc?|pipeline(/\w+)*|params\.yaml|params(/\w+\.yaml)?)")
+PROCESS = re.compile(r"\.\d+-[^/]+(?=\.unfinished)")  # in the name of its draft
 DRAFT = re.compile(r"(\.unfinished(?=/|$)|^data/\w+/unfinished/.*)")
 # Of the report of ingest these stages read whether there is anything to do. If not, frames and dataset are empty.
 WHETHER_RUN = re.compile(r"data/(\w+)/ingest\.json")
@@ -34,7 +35,7 @@ def covered(path: str, places: Sequence[str]) -> bool:
 def notes(folder: Path, stage: str) -> set[tuple[str, str]]:
     """(how, path below the project) of all that the processes of a stage opened."""
     lines = [line for file in folder.glob(f"{stage}.*") for line in file.read_text().splitlines()]
-    return {tuple(line.split(" ", 1)) for line in lines}
+    return {tuple(PROCESS.sub("", line).split(" ", 1)) for line in lines}
 
 
 def undeclared(project: Path, opened: set[tuple[str, str]], deps: Sequence[str], outs: Sequence[str]) -> list[str]:

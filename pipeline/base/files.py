@@ -1,30 +1,47 @@
 """Write files and folders that change only when all of their new content is written, and then at once.
 
-A killed stage leaves a draft beside them, `<name>.unfinished`, which the next call writes anew.
+A draft lies beside what it becomes, and its name has the process that writes it, so that two processes never write to
+one draft. It is on the disk before it is renamed: else a loss of power could leave a renamed file empty. The draft of a
+killed process is removed by the next one that writes to the same place.
 """
 
 import bz2
 import csv
+import ctypes
+import errno
+import glob
 import gzip
 import hashlib
 import os
+import platform
 import shutil
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from pipeline.base.errors import InputError
+from pipeline.base.errors import InputError, storage_error
 
 BLOCK = 1 << 20  # bytes of a log that are read at once
+UNFINISHED = ".unfinished"  # ends the name of a draft
+NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)  # of file systems that cannot wait for their disk
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give the block the draft of a file, which becomes `path` where the block ends without an error."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(path.name + ".unfinished")
-    yield draft
-    os.replace(draft, path)
+    """Give the block the draft of a file, which becomes `path` where the block ends without an error.
+
+    Raises InputError where `path` cannot be a file.
+    """
+    draft = _draft(path)
+    try:
+        yield draft
+        _on_disk(draft)
+        os.replace(draft, path)
+    except BaseException:
+        draft.unlink(missing_ok=True)
+        raise
+    _on_disk(path.parent)
 
 
 def remove_folder(folder: Path, inside: Path) -> None:
@@ -37,13 +54,95 @@ def remove_folder(folder: Path, inside: Path) -> None:
 
 @contextmanager
 def replacing_folder(path: Path) -> Iterator[Path]:
-    """Give the block a new, empty folder, which becomes `path` where the block ends without an error."""
-    draft = path.with_name(path.name + ".unfinished")
-    remove_folder(draft, inside=path.parent)
-    draft.mkdir(parents=True)
-    yield draft
-    remove_folder(path, inside=path.parent)
-    draft.rename(path)
+    """Give the block a new, empty folder, which becomes `path` where the block ends without an error.
+
+    Of two processes that write to one place the folder of the later one stays, whole. Raises InputError where `path`
+    cannot be a folder.
+    """
+    draft = _draft(path)
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{path}: is a file, not a folder; give another place")
+    draft.mkdir()
+    try:
+        yield draft
+        for place, _, names in os.walk(draft, topdown=False):
+            for one in (*names, ""):
+                _on_disk(Path(place, one))
+        _put(draft, path)
+    finally:
+        remove_folder(draft, inside=path.parent)  # once it became `path`, it is the former folder
+    _on_disk(path.parent)
+
+
+def _draft(path: Path) -> Path:
+    """Return the place of this process's draft of a path, which is free, and remove the drafts of dead processes."""
+    machine = f"-{platform.node()}{UNFINISHED}"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = path.with_name(f"{path.name}.{os.getpid()}{machine}")
+        for other in path.parent.glob(glob.escape(path.name) + ".*" + glob.escape(machine)):
+            number = other.name.removeprefix(f"{path.name}.").removesuffix(machine)
+            if number.isdecimal() and (other == draft or not _runs(int(number))):
+                other.unlink() if other.is_file() else remove_folder(other, inside=path.parent)
+    except (OSError, ValueError) as error:  # a name that is too long, that has a NUL, or below a file or /proc
+        if isinstance(error, OSError) and storage_error(error):
+            raise
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be written ({reason}); give another place") from error
+    return draft
+
+
+def _runs(process: int) -> bool:
+    """Is there such a process on this machine? Yes, where that cannot be asked."""
+    try:
+        if os.name == "posix":
+            os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # it is another user's
+        return True
+    return True
+
+
+def _put(draft: Path, path: Path) -> None:
+    """Give a folder the name `path`, at once; what had that name gets the draft's, or is removed."""
+    try:
+        draft.rename(path)
+    except OSError:
+        if not path.is_dir():
+            raise
+        if not _exchanged(draft, path):  # a kill between the next two lines leaves the former folder as NAME.former
+            former = path.with_name(path.name + ".former")
+            remove_folder(former, inside=path.parent)
+            path.rename(former)
+            draft.rename(path)
+            remove_folder(former, inside=path.parent)
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Exchange the names of two places at once; False where the system or the file system cannot."""
+    here, exchange = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of Linux, RENAME_SWAP of macOS
+    places = os.fsencode(one), os.fsencode(other)
+    try:
+        if sys.platform == "darwin":
+            return ctypes.CDLL(None).renamex_np(*places, exchange) == 0
+        return sys.platform == "linux" and ctypes.CDLL(None).renameat2(here, places[0], here, places[1], exchange) == 0
+    except AttributeError:  # a C library without the call
+        return False
+
+
+def _on_disk(path: Path) -> None:
+    """Wait until the disk has what a file holds, or which names a folder has."""
+    if os.name == "nt" and path.is_dir():
+        return  # Windows opens no folder
+    opened = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
+    try:
+        os.fsync(opened)
+    except OSError as error:
+        if error.errno not in NO_SYNC:
+            raise
+    finally:
+        os.close(opened)
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence]) -> None:

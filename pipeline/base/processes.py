@@ -46,17 +46,18 @@ def processor() -> str:
 def holding(lock: Path, when_busy: Callable[[], None]) -> Iterator[None]:
     """Hold a lock file during the block; where another process holds it, call `when_busy`, then wait.
 
-    `when_busy` may raise. The operating system frees the lock when the process ends, however it ends. A system
-    without such locks gets a sentence.
+    `when_busy` may raise. The operating system frees the lock when the process ends, however it ends. A system, or
+    a file system, without such locks gets a sentence.
     """
     lock.parent.mkdir(parents=True, exist_ok=True)
     with open(lock, "w") as file:
-        if fcntl is None:
-            print(f"this system cannot lock {lock}: start nothing else that writes to {lock.parent}", file=sys.stderr)
-        else:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                when_busy()
-                fcntl.flock(file, fcntl.LOCK_EX)
+        try:
+            if fcntl is None:
+                raise OSError("no locks")
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            when_busy()
+            fcntl.flock(file, fcntl.LOCK_EX)
+        except OSError:  # Windows, and some file systems of a network
+            print(f"cannot lock {lock} here: start nothing else that writes to {lock.parent}", file=sys.stderr)
         yield
