@@ -6,6 +6,7 @@ killed process is removed by the next one that writes to the same place.
 """
 
 import bz2
+import contextlib
 import csv
 import ctypes
 import errno
@@ -17,7 +18,6 @@ import platform
 import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 
 from pipeline.base.errors import InputError, storage_error
@@ -27,7 +27,7 @@ UNFINISHED = ".unfinished"  # ends the name of a draft
 NO_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)  # of file systems that cannot wait for their disk
 
 
-@contextmanager
+@contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Give the block the draft of a file, which becomes `path` where the block ends without an error.
 
@@ -52,7 +52,7 @@ def remove_folder(folder: Path, inside: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-@contextmanager
+@contextlib.contextmanager
 def replacing_folder(path: Path) -> Iterator[Path]:
     """Give the block a new, empty folder, which becomes `path` where the block ends without an error.
 
@@ -80,6 +80,8 @@ def _draft(path: Path) -> Path:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         draft = path.with_name(f"{path.name}.{os.getpid()}{machine}")
+        with contextlib.suppress(FileNotFoundError):
+            draft.lstat()  # which tells a name that cannot be
         for other in path.parent.glob(glob.escape(path.name) + ".*" + glob.escape(machine)):
             number = other.name.removeprefix(f"{path.name}.").removesuffix(machine)
             if number.isdecimal() and (other == draft or not _runs(int(number))):

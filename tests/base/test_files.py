@@ -1,5 +1,11 @@
 """Files that others read appear whole or not at all."""
 
+import os
+import platform
+import stat
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -37,6 +43,104 @@ def test_a_folder_keeps_its_old_content_until_the_new_is_whole(tmp_path):
         (draft / "new.md").write_text("new")
     assert [file.name for file in path.rglob("*")] == ["new.md"]
     assert [file.name for file in path.parent.iterdir()] == ["touch"]
+
+
+def former(path, kind: str):
+    """Write a result of one's own, 'old', as a file or as a folder with a file."""
+    replace = files.replacing if kind == "file" else files.replacing_folder
+    with replace(path) as draft:
+        (draft if kind == "file" else draft / "a.txt").write_text("old")
+    return replace
+
+
+def content(path) -> str:
+    return (path if path.is_file() else path / "a.txt").read_text()
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_two_processes_have_two_drafts_and_the_later_result_is_whole(kind, tmp_path, monkeypatch):
+    path = tmp_path / "result"
+    replace = former(path, kind)
+    with replace(path) as mine:
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "getpid", lambda: 1)  # runs always
+            with replace(path) as theirs:
+                assert theirs != mine and mine.parent == theirs.parent
+                (theirs if kind == "file" else theirs / "a.txt").write_text("theirs")
+            assert content(path) == "theirs"
+        (mine if kind == "file" else mine / "a.txt").write_text("mine")
+    assert content(path) == "mine" and [file.name for file in tmp_path.iterdir()] == ["result"]
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_only_drafts_of_dead_processes_of_this_machine_are_removed(kind, tmp_path):
+    path, here = tmp_path / "result[1]", platform.node()
+    dead = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True)
+    names = [f"{path.name}.{dead.stdout.strip()}-{here}.unfinished"]
+    names += [f"{path.name}.{os.getppid()}-{here}.unfinished", f"{path.name}.1-another.unfinished"]
+    names += [f"other.{dead.stdout.strip()}-{here}.unfinished"]
+    for name in names:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "part").touch()
+    former(path, kind)
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted([path.name, *names[1:]])
+
+
+@pytest.mark.parametrize("exchange", [True, False])
+def test_a_folder_is_never_without_a_name_where_names_can_be_exchanged(exchange, tmp_path, monkeypatch):
+    path, seen = tmp_path / "result", []
+    former(path, "folder")
+    if not exchange:
+        monkeypatch.setattr(files, "_exchanged", lambda one, other: False)
+    elif not files._exchanged(path, path.with_name(path.name)):
+        pytest.skip("this file system does not exchange names")
+    rename = os.rename
+    sys.addaudithook(lambda event, given: event == "os.rename" and seen.append(path.is_dir()))
+    with files.replacing_folder(path) as draft:
+        (draft / "a.txt").write_text("new")
+        seen.clear()
+    assert os.rename is rename and content(path) == "new"
+    assert all(seen) if exchange else seen.count(False) == 1  # then the former one is beside it, as result.former
+    assert [file.name for file in tmp_path.iterdir()] == ["result"]
+
+
+def test_a_draft_is_on_the_disk_before_it_is_renamed(tmp_path, monkeypatch):
+    synced, sync = [], os.fsync
+
+    def noted(number):
+        synced.append(os.readlink(f"/proc/self/fd/{number}") if sys.platform == "linux" else number)
+        sync(number)
+
+    monkeypatch.setattr(os, "fsync", noted)
+    former(tmp_path / "folder", "folder")
+    former(tmp_path / "file", "file")
+    if sys.platform == "linux":
+        names = [os.path.relpath(name, tmp_path).partition(".")[0] or "." for name in synced]
+        assert names == ["folder", "folder", ".", "file", "."]
+    assert len(synced) == 5
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+@pytest.mark.parametrize("name", ["x" * 300, "a\0b", "blocked/below", "/proc/none/result"])
+def test_a_place_that_cannot_be_is_one_sentence(kind, name, tmp_path):
+    (tmp_path / "blocked").write_text("a file")
+    with pytest.raises(InputError, match=r"cannot be written \(.+\); give another place$"):
+        former(tmp_path / name, kind)
+    assert [file.name for file in tmp_path.iterdir()] == ["blocked"]
+
+
+def test_a_folder_does_not_take_the_place_of_a_file(tmp_path):
+    (tmp_path / "result").write_text("precious")
+    with pytest.raises(InputError, match="result: is a file, not a folder"):
+        former(tmp_path / "result", "folder")
+    assert (tmp_path / "result").read_text() == "precious"
+
+
+def test_a_folder_with_a_file_that_nobody_may_write_is_taken(tmp_path):
+    with files.replacing_folder(tmp_path / "result") as draft:
+        (draft / "a.txt").write_text("of DVC's cache")
+        (draft / "a.txt").chmod(stat.S_IRUSR)
+    assert content(tmp_path / "result") == "of DVC's cache"
 
 
 def test_tables_keep_every_digit(tmp_path):
