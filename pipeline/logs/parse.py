@@ -510,11 +510,11 @@ def _check_clock(path: Path, fmt: Format, time: np.ndarray, line: np.ndarray, se
     lasts = float((time[ends] - time[starts]).sum()) / second(fmt)
     if lasts > LONGEST_S:
         interval = np.where(segment[1:] == segment[:-1], np.diff(time), 0) / second(fmt)
-        at = int(np.argmax(interval))
-        raise InputError(
-            f"{path}: lasts {lasts:.0f} s, more than the {LONGEST_S:.0f} s of a log; the clock jumps by "
-            f"{interval[at]:.0f} s in line {line[at + 1]}; remove that line if it is wrong, or divide the log"
-        )
+        at, remedy = int(np.argmax(interval)), "divide the log"
+        if lasts - interval[at] <= LONGEST_S:
+            jump = f"the clock jumps by {interval[at]:.0f} s in line {line[at + 1]}"
+            remedy = f"{jump}; remove that line if it is wrong, or divide the log"
+        raise InputError(f"{path}: lasts {lasts:.0f} s, more than the {LONGEST_S:.0f} s of a log; {remedy}")
 
 
 class _Piece(NamedTuple):

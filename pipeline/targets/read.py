@@ -25,6 +25,7 @@ from pipeline.sheet import cycles
 NO_GROUP = np.empty(0, dtype=str)
 PARTS = 5  # of a recording, or of the grasps of an object, where time divides
 LARGEST = 1e12  # of a target; a larger number is none
+MOST_NAMED = 30  # classes, of which each is named with its count
 LEAST, MOST = 0.1, 2.0  # of the time that the sensor's log lasts; a log beside it that lasts less or more is not of it
 FORMATS = {  # of the sensor's log, by experiment
     "touch": touch.array_format,
@@ -261,8 +262,10 @@ def said(data: Data) -> Iterator[str]:
         if data.target.kind == "continuous":
             what = f"{truth.min():g} to {truth.max():g} {data.target.unit}" if len(truth) else "never known"
         else:
-            counts = zip(*np.unique(truth, return_counts=True), strict=True)
-            what = ", ".join(f"{name} {count}" for name, count in counts)
+            names, counts = np.unique(truth, return_counts=True)
+            what = ", ".join(f"{name} {count}" for name, count in zip(names, counts, strict=True))
+            if len(names) > MOST_NAMED:
+                what = f"{len(names)} classes, of {counts.min()} ({names[counts.argmin()]}) to {counts.max()} readings"
         left_out = sum(int(((each.group == group) & (each.press < 0)).sum()) for each in chosen)
         if left_out and data.target.kind != "class":  # readings between presses do not count for a class, either
             what += f"; {left_out} more are left out, as {data.target.file} tells nothing there"

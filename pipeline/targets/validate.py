@@ -49,6 +49,7 @@ def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> 
             estimator, held_out[row.name] = fitted(row, windows, trains, inner, kind)
             x = windows.columns(row.level)[test]
             guesses[row.name] = models.predicted(estimator, x, windows.y.shape[1])
+            del estimator  # before the next one comes, see `fitted`
         best = max(guesses, key=lambda row: headline(kind, windows.y[trains], held_out[row]))
         chosen[name] = best
         for row, guess in (*guesses.items(), (CHOSEN, guesses[best])):
@@ -164,10 +165,10 @@ def fitted(row: Row, windows: Windows, trains: np.ndarray, inner: np.ndarray, ki
     x, y, held_out = windows.columns(row.level)[trains], windows.y[trains], None
     for part in np.unique(inner):
         here = inner == part
-        of_others = row.fit(x[~here], y[~here])
-        held_out = np.empty((len(of_others), *y.shape)) if held_out is None else held_out
-        for k, estimator in enumerate(of_others):
-            held_out[k, here] = models.predicted(estimator, x[here], y.shape[1])
+        # The models are gone before the next ones come: a forest of 200 classes takes gigabytes.
+        guesses = [models.predicted(estimator, x[here], y.shape[1]) for estimator in row.fit(x[~here], y[~here])]
+        held_out = np.empty((len(guesses), *y.shape)) if held_out is None else held_out
+        held_out[:, here] = guesses
     best = max(range(len(held_out)), key=lambda k: headline(kind, y, held_out[k]))
     return row.fit(x, y)[best], held_out[best]
 

@@ -115,6 +115,22 @@ def test_a_time_far_in_the_future_costs_one_line(tmp_path):
     assert rejects_of(content, tmp_path) == [(11, parse.OUT_OF_ORDER)]
 
 
+@pytest.mark.parametrize(
+    ("times", "remedy"),
+    [
+        ([*range(0, 300_000, 1000)], "divide the log"),
+        ([*range(100), *range(150_000, 150_100)], "the clock jumps by 149901 s in line 101; remove that line if it is"),
+        ([*range(0, 90_000, 1000), *range(190_000, 300_000, 1000)], "divide the log"),  # too long without the jump
+    ],
+)
+def test_a_log_that_lasts_too_long_names_a_jump_only_where_that_is_why(times, remedy, tmp_path):
+    content = b"".join(b"%d,1,2\n" % (1_000_000 * t) for t in times)
+    with pytest.raises(InputError, match=rf"device.log: lasts \d+ s, more than the 100000 s of a log; {remedy}"):
+        read_log(
+            write(tmp_path, content), Format((Column("t_us", "us", 0, 1e15, integer=True), *COUNTS.columns[1:]), "t_us")
+        )
+
+
 def test_same_time_with_other_values_has_its_own_reason(tmp_path):
     assert rejects_of(frame(0) + frame(1) + b"20000,9,9\n" + frame(2), tmp_path) == [(3, parse.REPEATED)]
 

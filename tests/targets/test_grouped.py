@@ -258,6 +258,19 @@ def test_no_angle_is_made_up_where_its_log_is_silent(tmp_path):
     assert said.endswith(f" deg; {left_out} more are left out, as arm.log tells nothing there")
 
 
+@pytest.mark.parametrize(("most", "said"), [(2, "2 classes, of 20 (b) to 30 readings"), (3, "a 30, b 20")])
+def test_many_classes_are_counted_and_few_are_named(most, said, tmp_path, monkeypatch):
+    folder = free_targets.angles(tmp_path / "joint", people=("anna",), seconds=5.0)
+    free_targets.settings(
+        folder, free_targets.STRAIN, {"name": "object", "kind": "class", "folder": 1}, free_targets.PERSON
+    )
+    found = data("strain", folder)
+    truth = np.repeat(["a", "b"], [30, 20])
+    one = found.series[0]._replace(truth=truth, press=np.zeros(50, int), group=np.full(50, "anna"))
+    monkeypatch.setattr(read, "MOST_NAMED", most - 1)
+    assert [*read.said(found._replace(series=[one]))] == [f"anna: 1 recording, 50 readings; object: {said}"]
+
+
 NAMES = {"200g": 200, "weight-100g": 100, "-5N": -5, "load_-5": -5, "1,5N": 1.5, "2.25 mm": 2.25, ".5N": 0.5, "x 7": 7}
 
 
