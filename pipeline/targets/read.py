@@ -25,7 +25,7 @@ from pipeline.sheet import cycles
 NO_GROUP = np.empty(0, dtype=str)
 PARTS = 5  # of a recording, or of the grasps of an object, where time divides
 LARGEST = 1e12  # of a target; a larger number is none
-MOST_NAMED = 30  # classes, of which each is named with its count
+MOST_NAMED = 30  # classes of which each is named with its count, and groups that have a line
 LEAST, MOST = 0.1, 2.0  # of the time that the sensor's log lasts; a log beside it that lasts less or more is not of it
 FORMATS = {  # of the sensor's log, by experiment
     "touch": touch.array_format,
@@ -256,7 +256,8 @@ def said(data: Data) -> Iterator[str]:
 
     data: of a sensor of one's own.
     """
-    for group in sorted({name for each in data.series for name in np.unique(each.group)}):
+    groups = sorted({name for each in data.series for name in np.unique(each.group)})
+    for group in groups[:MOST_NAMED]:
         chosen = [each for each in data.series if (each.group == group).any()]
         truth = np.concatenate([each.truth[(each.group == group) & (each.press >= 0)] for each in chosen])
         if data.target.kind == "continuous":
@@ -271,6 +272,8 @@ def said(data: Data) -> Iterator[str]:
             what += f"; {left_out} more are left out, as {data.target.file} tells nothing there"
         recordings = "1 recording" if len(chosen) == 1 else f"{len(chosen)} recordings"
         yield f"{group}: {recordings}, {len(truth)} readings; {data.target.name}: {what}"
+    if len(groups) > MOST_NAMED:
+        yield f"and {len(groups) - MOST_NAMED} more groups"
 
 
 def lacking(data: Data, folder: Path) -> Iterator[str]:

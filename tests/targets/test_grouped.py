@@ -271,6 +271,15 @@ def test_many_classes_are_counted_and_few_are_named(most, said, tmp_path, monkey
     assert [*read.said(found._replace(series=[one]))] == [f"anna: 1 recording, 50 readings; object: {said}"]
 
 
+def test_of_many_groups_the_first_have_a_line(tmp_path, monkeypatch):
+    folder = free_targets.angles(tmp_path / "joint", people=("anna", "ben", "cleo"), seconds=3.0)
+    found = data("strain", folder)
+    said = [*read.said(found)]
+    assert [line.partition(":")[0] for line in said] == ["anna", "ben", "cleo"]
+    monkeypatch.setattr(read, "MOST_NAMED", 2)
+    assert [*read.said(found)] == [*said[:2], "and 1 more groups"]
+
+
 NAMES = {"200g": 200, "weight-100g": 100, "-5N": -5, "load_-5": -5, "1,5N": 1.5, "2.25 mm": 2.25, ".5N": 0.5, "x 7": 7}
 
 
