@@ -11,6 +11,8 @@ from pipeline.base.errors import InputError
 
 NAME = "card.json"
 WEIGHTS = ("network.safetensors", "estimator.skops")
+ONNX = "model.onnx"
+AGAIN = "make the folder again with `tactile export MODEL FOLDER`"
 READING = ("sensor", "ingest", "window", "label")  # blocks of an experiment that say how logs become inputs
 
 
@@ -122,7 +124,7 @@ class Card(Part):
     precision: str | None  # of products in training
     best_epoch: int
     scores: list[Score]  # of the test part
-    sha256: str  # of the file of weights
+    files: cards.Files  # of the package, by name: one of WEIGHTS, ONNX where there is one, and the card itself
     correlation: Correlation | None = None  # of the channels in training; None: not known, or it tells nothing
     calibration: Calibration | None = None  # None: predictions have no interval
     trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
@@ -135,9 +137,15 @@ class Card(Part):
         shapes = self.shapes
         return (shapes.map_rows, shapes.map_cols) if self.kind == "windows" else (shapes.map_rows * shapes.map_cols,)
 
+    @property
+    def weights_sha256(self) -> str:
+        """Digest of the file of weights."""
+        return next(self.files[name] for name in WEIGHTS if name in self.files)
+
     def of_network(self) -> "Card":
-        """Return the card without what tells nothing of the network: the logs that it was trained on."""
-        return self.model_copy(update={"source": None, "logs": None})
+        """Return the card as ONNX repeats it: of the files the weights alone, without the logs of the training."""
+        weights = {name: digest for name, digest in self.files.items() if name in WEIGHTS}
+        return self.model_copy(update={"source": None, "logs": None, "files": weights})
 
     def reach(self, frame_step: int | None = None) -> int:
         """Return how many readings lie between the first and the last frame of a window: those without a prediction.
@@ -156,13 +164,20 @@ def weights_file(folder: Path) -> Path:
 
 
 def write(folder: Path, card: Card) -> None:
-    """Write a card beside the weights."""
-    files.write_text(folder / NAME, card.model_dump_json(indent=1) + "\n")
+    """Write a card beside the weights that it names, and beside ONNX where that is there, which it then names, too."""
+    named = card.of_network().files
+    if (folder / ONNX).is_file():
+        named |= {ONNX: files.sha256(folder / ONNX)}
+    cards.write(folder / NAME, card.model_copy(update={"files": named}))
 
 
 def read(folder: Path) -> Card:
-    """Return the card of a saved model; InputError where it is absent or broken, or where the weights are not its."""
+    """Return the card of a saved model; InputError where it is absent or broken, or where the files are not its."""
     path = folder / NAME
     if not path.is_file():
-        raise InputError(f"{path}: not found; make the folder with `tactile export MODEL FOLDER`")
-    return cards.read(path, Card, weights_file(folder), "make the folder again")
+        raise InputError(f"{path}: not found; {AGAIN}")
+    weights = weights_file(folder)
+    card = cards.read(path, Card, (*WEIGHTS, ONNX), AGAIN)
+    if [name for name in WEIGHTS if name in card.files] != [weights.name]:
+        raise InputError(f"{path}, files: names {' and '.join(WEIGHTS)}, of which a model has one; {AGAIN}")
+    return card

@@ -70,6 +70,7 @@ class Describer:
         """Return the card of a run that need not have been evaluated; errors as `card`."""
         experiment, settings = self.experiment, self.values[self.experiment]
         folder = self.workspace.run_folder(experiment, model, protocol, seed)
+        weights = cards.weights_file(folder)
         fit = fits.read_as_set(folder, self.values, experiment, model, protocol)
         names, chosen, touch_kpa = self._classes, None, None
         if self.kind == "windows":
@@ -99,7 +100,7 @@ class Describer:
             precision=fit["precision"],
             best_epoch=fit["best_epoch"],
             scores=[],
-            sha256=files.sha256(cards.weights_file(folder)),
+            files={weights.name: files.sha256(weights)},
             source=settings.get("source", experiment),
         )
 

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import onnxruntime
 
-NAME = "model.onnx"
+from pipeline.inference.card import ONNX as NAME
+
 CARD, TENSORS = "card", "tensors"  # keys of the file's metadata: card.json, and what its inputs and outputs are
 READINGS = "readings"  # name of the first input
 ZERO, REPEATED = "zero", "the first reading, repeated"  # what a state is before the first reading

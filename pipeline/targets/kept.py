@@ -26,6 +26,7 @@ from pipeline.targets.read import Data, Readings
 from pipeline.targets.validate import Final, Tested
 
 CARD = "target.json"
+AGAIN = "train it again with `tactile own FOLDER`"
 TRUSTED = ("sklearn.tree._tree.Tree",)  # node indices are not checked on loading: load your own files only
 READ = ("sensor", "ingest")  # blocks of settings that say how a log is read
 SAME_RATE = 1.1  # ratio of times from reading to reading, as inference.timing.TOLERANCE
@@ -69,7 +70,7 @@ class Card(BaseModel):
     groups: list[str]  # that it was fitted to
     scores: dict[str, float]  # metric -> mean over tests of groups apart, chosen on the other groups
     commit: str
-    sha256: str  # of the estimator's file
+    files: cards.Files  # of the package, by name: the estimator's, and the card itself
     interval_s: float | None = None  # from one reading of the training to the next; None: not known
     correlation: Correlation | None = None  # of the channels in training; None: not known, or it tells nothing
     trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
@@ -109,10 +110,10 @@ def write(folder: Path, final: Final, windows: Windows, scores: Mapping[str, flo
         units=final.units,
         groups=windows.groups,
         scores={name: float(value) for name, value in scores.items() if np.isfinite(value)},
-        sha256=files.sha256(folder / estimators.ESTIMATOR_FILE),
+        files={estimators.ESTIMATOR_FILE: files.sha256(folder / estimators.ESTIMATOR_FILE)},
         **described,
     )
-    files.write_text(folder / CARD, card.model_dump_json(indent=1, exclude_none=True) + "\n")
+    cards.write(folder / CARD, card, exclude_none=True)
 
 
 def trained_on(data: Data, experiment: str, settings: Mapping) -> list[ranges.Columns]:
@@ -149,8 +150,7 @@ def load(folder: Path) -> Kept:
     """Return the model in a folder; InputError where card or estimator is damaged, or is not the other's."""
     from pipeline.learning import estimators
 
-    weights, again = folder / estimators.ESTIMATOR_FILE, "train it again with `tactile own FOLDER`"
-    card = cards.read(folder / CARD, Card, weights, again)
+    card = cards.read(folder / CARD, Card, (estimators.ESTIMATOR_FILE,), AGAIN)
     return Kept(card, estimators.read(folder, TRUSTED))
 
 

@@ -36,6 +36,7 @@ def saved(folder: Path, model, key: str, spec: Spec, **changed) -> Path:
     """Save a model with its card into a folder, and return it; changed: what of the card is not touch's."""
     folder.mkdir(parents=True, exist_ok=True)
     model.save(folder)
+    weights = cards.weights_file(folder)
     inputs = dict(columns=spec.elements, unit="counts", order="row by row", interval_s=INTERVAL_S, frame_step=STEP)
     known = dict(
         experiment="touch",
@@ -52,7 +53,7 @@ def saved(folder: Path, model, key: str, spec: Spec, **changed) -> Path:
         precision=None,
         best_epoch=1,
         scores=[],
-        sha256=files.sha256(cards.weights_file(folder)),
+        files={weights.name: files.sha256(weights)},
     )
     cards.write(folder, cards.Card(**known | changed))
     return folder
