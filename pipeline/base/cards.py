@@ -69,7 +69,9 @@ def parsed(path: Path, kind: type[Of], again: str) -> tuple[Of, str]:
         return kind.model_validate_json(text, strict=True), text
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False)
-    if {(("files",), "missing"), (("sha256",), "extra_forbidden")} <= {(fault["loc"], fault["type"]) for fault in found}:
+    if {(("files",), "missing"), (("sha256",), "extra_forbidden")} <= {
+        (fault["loc"], fault["type"]) for fault in found
+    }:
         raise InputError(f"{path}: is of a version that named one file by its digest, and not every one; {again}")
     key = ".".join(map(str, found[0]["loc"])) or "the file"
     raise InputError(f"{path}, {key}: {found[0]['msg']}; {again}")

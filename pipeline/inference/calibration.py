@@ -92,7 +92,9 @@ def calibrated(workspace: Workspace, values: Mapping, card: cards.Card, refit: b
         coverage=[each for held_out, of in pairs if of.value is not None for each in _coverage(rows, held_out, of)],
     )
     if refitted:
-        files.write_text(kept, json.dumps({"sha256": card.weights_sha256, "calibration": given.model_dump()}, indent=1) + "\n")
+        files.write_text(
+            kept, json.dumps({"sha256": card.weights_sha256, "calibration": given.model_dump()}, indent=1) + "\n"
+        )
     return card.model_copy(update={"calibration": given})
 
 

@@ -15,7 +15,9 @@ from pydantic import BaseModel, ConfigDict
 from pipeline.base import cards, correlation, files, ranges
 from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
+from pipeline.base.foreign import reading
 from pipeline.datasets import images, schemas
+from pipeline.learning.window_statistics import KINDS
 from pipeline.logs import unmeasured
 from pipeline.logs.formats import LOGS
 from pipeline.scoring import conformal, metrics
@@ -27,7 +29,7 @@ from pipeline.targets.validate import Final, Tested
 
 CARD = "target.json"
 AGAIN = "train it again with `tactile own FOLDER`"
-TRUSTED = ("sklearn.tree._tree.Tree",)  # node indices are not checked on loading: load your own files only
+TRUSTED = ("sklearn.tree._tree.Tree",)  # learning/structure.py checks its nodes
 READ = ("sensor", "ingest")  # blocks of settings that say how a log is read
 SAME_RATE = 1.1  # ratio of times from reading to reading, as inference.timing.TOLERANCE
 SOME_VALUES = 1 << 22  # of statistics at once, 16 MB
@@ -151,7 +153,12 @@ def load(folder: Path) -> Kept:
     from pipeline.learning import estimators
 
     card = cards.read(folder / CARD, Card, (estimators.ESTIMATOR_FILE,), AGAIN)
-    return Kept(card, estimators.read(folder, TRUSTED))
+    outputs = max(1, len(card.classes))
+    estimator = estimators.read(folder, TRUSTED)
+    with reading(folder / estimators.ESTIMATOR_FILE, f"a model of {CARD}", AGAIN):
+        nothing = features.columns(np.zeros((1, KINDS, card.elements), np.float32), card.level)
+        estimators.check_prediction(lambda x: models.predicted(estimator, x, outputs), nothing, outputs)
+    return Kept(card, estimator)
 
 
 def predict(kept: Kept, log: Readings) -> Predicted:
