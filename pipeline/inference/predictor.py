@@ -19,6 +19,7 @@ import pyarrow as pa
 from pipeline import experiments, models, tasks
 from pipeline.base import ranges
 from pipeline.base.errors import InputError
+from pipeline.base.foreign import reading
 from pipeline.datasets import images, schemas
 from pipeline.inference import card as cards
 from pipeline.inference import intervals
@@ -218,6 +219,11 @@ def load(folder: str | Path) -> Predictor:
     if not path.is_file() or not onnx_is_faster(model):
         return Predictor(model, card)
     onnx = OnnxNetwork(path)
-    if cards.Card.model_validate_json(onnx.card).of_network() != card.of_network():
-        raise InputError(f"{path}: is not of the model of {cards.NAME}; make the folder again")
+    with reading(path, "a network with its card", cards.AGAIN):
+        of_onnx = cards.Card.model_validate_json(onnx.card)
+    columns, shapes = card.inputs.columns, card.shapes
+    taken = {"windows": (shapes.frames, columns), "series": (columns,), "images": (1, shapes.rows * shapes.cols)}
+    expected = ("n", *taken[card.kind]), ("n", *card.output_shape)
+    if of_onnx != card.of_network() or (onnx.readings.shape, onnx.predictions.shape) != expected:
+        raise InputError(f"{path}: is not of the model of {cards.NAME}; {cards.AGAIN}")
     return Predictor(model, card, onnx)

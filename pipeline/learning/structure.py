@@ -1,7 +1,7 @@
 """Check what a file of a fitted estimator holds before it is opened, and the estimator before it predicts.
 
-skops runs no code of a file, but believes its numbers, and so does scikit-learn: it follows the nodes of a tree by their
-indices, in memory, without a look at them. A crafted file could so end the process, or keep it busy for ever.
+skops runs no code of a file, but believes its numbers, and so does scikit-learn: it follows the nodes of a tree by
+their indices, in memory, without a look at them. A crafted file could so end the process, or keep it busy for ever.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""An estimator's file is checked before anything of it is made, and trees before they predict: none ends the process."""
+"""An estimator is checked before anything of its file is made, and trees before they predict: none ends the process."""
 
 import io
 import json
