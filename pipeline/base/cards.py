@@ -6,18 +6,21 @@ its digests.
 
 import hashlib
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
-from pipeline.base import files
+from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.foreign import reading
+from pipeline.settings import Params
+from pipeline.settings.shared import Block
 
 Of = TypeVar("Of", bound=BaseModel)  # its field `files` is of the type Files
-Files = dict[str, Annotated[str, Field(pattern="^[0-9a-f]{64}$")]]  # name -> SHA-256
+Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]  # SHA-256
+Files = dict[str, Digest]  # by name
 LARGEST = 64 << 20  # bytes; the card of an array of 256 x 256 elements has 7 million
 LONGEST = 1000  # characters of a text
 
@@ -100,3 +103,24 @@ def faults(path: Path, card: BaseModel, text: str, package: Collection[str]) -> 
 def _digest(path: Path) -> str:
     with reading(path, "a file that can be read", "copy it again"):
         return files.sha256(path)
+
+
+def check_blocks(path: Path, key: str, experiment: str, blocks: Mapping, names: tuple[str, ...], again: str) -> None:
+    """Raise InputError unless `blocks` are those of `names` that the settings of an experiment have, each as it asks.
+
+    path, key: of the card and of the blocks in it.
+    """
+    of = Params.model_fields[experiment].annotation.model_fields
+    wanted = [name for name in names if name in of]
+    if set(blocks) != set(wanted):
+        raise InputError(f"{path}, {key}: of {experiment} it has the blocks {', '.join(wanted)} and no other; {again}")
+    for name in wanted:
+        check_block(path, f"{key}.{name}", blocks[name], of[name].annotation, again)
+
+
+def check_block(path: Path, key: str, block: Mapping, kind: type[Block], again: str) -> None:
+    """Raise InputError where a block of a card is not one of this kind; arguments as of `check_blocks`."""
+    try:
+        params.check_block(block, kind, key, {key: str(path)})
+    except InputError as error:
+        raise InputError(f"{error}; {again}") from error

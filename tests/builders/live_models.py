@@ -15,12 +15,25 @@ from pipeline.learning.regressors import Scaled, Spec
 ROWS, COLS, MAP = 2, 3, (8, 12)
 FRAMES, STEP, INTERVAL_S = 3, 2, 0.02
 LOMP = dict(hidden=8, readout=[6], neighbours=4, alpha=1.0, training=dict(learning_rate=1e-3, batch_size=8, epochs=1))
+INGEST = {"max_reject_fraction": 0.1, "max_clock_offset_s": 5.0, "min_correlation": 0.5}
 TOUCH = {
     "sensor": {"rows": ROWS, "cols": COLS, "pitch_mm": 12.0, "element_mm": 11.5},
-    "ingest": {"highest_count": 1023, "max_reject_fraction": 0.1},
-    "window": {"frames": FRAMES, "frame_step": STEP},
+    "ingest": INGEST | {"highest_count": 1023, "max_touches": 2},
+    "window": {
+        "frames": FRAMES,
+        "frame_step": STEP,
+        "stride": 4,
+        "contact_threshold_n": 1.0,
+        "sliding": {"single": 0.1},
+    },
     "label": {"tip_radius_mm": 5.0, "map_rows": MAP[0], "map_cols": MAP[1]},
 }
+SERIES = {
+    "sensor": {"channels": 5},
+    "ingest": INGEST | {"rate_hz": 5, "max_gap_s": 2.0},
+    "window": {"frames": 2},
+}
+IMAGES = {"sensor": {"reference_ohm": 1000.0}, "ingest": {"max_reject_fraction": 0.1}, "window": {"stride": 1}}
 COUNT_KPA = 0.4  # of the linear model: pressure over an element is its count times this
 
 
@@ -101,7 +114,8 @@ def series(folder: Path) -> Path:
         experiment="strain",
         kind="series",
         settings=settings,
-        reading={"sensor": {"channels": 5}, "ingest": {}},
+        protocol="task_2",
+        reading=SERIES,
         inputs=dict(columns=5, unit="V", interval_s=0.2, frame_step=1, chosen=[4, 0, 2]),
         outputs=cards.Outputs(unit="mm", names=["x_mm", "y_mm"]),
     )
@@ -122,7 +136,7 @@ def images(folder: Path) -> Path:
         experiment="glove",
         kind="images",
         protocol="session_combined",
-        reading={"sensor": {"reference_ohm": 1000.0}},
+        reading=IMAGES,
         inputs=dict(columns=405, unit="levels", interval_s=0.14, frame_step=1),
         outputs=cards.Outputs(unit="probability", names=["bottle", "can", "cup"]),
     )
