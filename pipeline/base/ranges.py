@@ -34,6 +34,7 @@ from pipeline.base.cards import Words
 MARGIN = 0.15  # of the range of the widest column of a kind, so that a column that was constant has one, too
 MEAN_MARGIN = 0.1  # of the range of the mean
 MEAN_MARGIN_OF_TOUCHES = 0.5
+Number = Annotated[float, Field(ge=-1e12, le=1e12)]
 
 
 class Columns(BaseModel):
@@ -44,12 +45,12 @@ class Columns(BaseModel):
     name: Words  # of a column without its number: v, of an area its first letter
     first: Annotated[int, Field(ge=0)]  # place in a reading of the column with number 0
     columns: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]  # numbers of those that the model sees
-    low: list[float]  # of each of them
-    high: list[float]
-    margin: Annotated[float, Field(gt=0)]
-    mean_low: float  # of the mean over them in one reading
-    mean_high: float
-    mean_margin: Annotated[float, Field(gt=0)]
+    low: list[Number]  # of each of them
+    high: list[Number]
+    margin: Annotated[Number, Field(gt=0)]
+    mean_low: Number  # of the mean over them in one reading
+    mean_high: Number
+    mean_margin: Annotated[Number, Field(gt=0)]
 
     @model_validator(mode="after")
     def _fits_together(self) -> "Columns":

@@ -18,8 +18,8 @@ AGAIN = "make the folder again with `tactile export MODEL FOLDER`"
 
 Size = Annotated[int, Field(ge=1, le=1 << 20)]
 Count = Annotated[int, Field(ge=0)]
-Positive = Annotated[float, Field(gt=0)]
-Distance = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+Distance = Annotated[float, Field(ge=0, le=1e9)]
 Case = Literal["always", "touch", "no touch"]
 
 

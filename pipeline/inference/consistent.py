@@ -26,6 +26,7 @@ UNITS = {"windows": "counts", "series": "V", "images": "levels"}  # of readings 
 OUTPUT_UNITS = {"velostat_recorded": "N", "windows": "kPa", "series": "mm", "images": "probability"}
 LARGEST_INPUT = 1 << 24  # numbers of a window, 64 MB; the largest here has 12,500
 LONGEST_S = 3600.0  # of a window; the longest here lasts 2
+APART_S = 60.0  # from one frame of a window to the next; 0.2 here
 Fact = tuple[str, bool, str]  # key of the card, whether it is as it should be, what it should be
 
 
@@ -69,6 +70,8 @@ def _facts(card: "Card") -> Iterator[Fact]:
     yield "inputs.chosen", right, f"it has to name some of the columns 0 to {columns - 1}, each once"
     yield "inputs.chosen", card.kind == "series" or inputs.chosen is None, f"models of {card.kind} see all columns"
     yield from _shapes(card, module, len(chosen))
+    apart = step * inputs.interval_s
+    yield "inputs.interval_s", apart <= APART_S, f"frames would be {apart:.3g} s apart, more than {APART_S:g}"
     span = card.shapes.frames * step * inputs.interval_s
     yield "inputs.interval_s", span <= LONGEST_S, f"a window would last {span:.3g} s, more than {LONGEST_S:g}"
     unit = OUTPUT_UNITS.get(card.experiment, OUTPUT_UNITS[card.kind])

@@ -178,8 +178,9 @@ class Predictor:
 
         NaN until a stream has seen as many frames as a window has.
         """
-        missing = -len(x) % frame_step
-        padded = np.concatenate([x, np.repeat(x[-1:], missing, axis=0)]).reshape(-1, frame_step, x.shape[1])
+        streams = min(frame_step, len(x))
+        missing = -len(x) % streams
+        padded = np.concatenate([x, np.repeat(x[-1:], missing, axis=0)]).reshape(-1, streams, x.shape[1])
         self.model.state = None
         predicted = np.concatenate([self.model.step(frames) for frames in padded])[: len(x)]
         self.model.state = None
