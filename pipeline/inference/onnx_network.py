@@ -3,6 +3,7 @@
 One prediction takes a third to an eighth of torch's time (reports/benchmarks/inference.csv).
 """
 
+import contextlib
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -39,9 +40,10 @@ def session(path: Path) -> onnxruntime.InferenceSession:
     """
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.log_severity_level = 3  # errors
+    options.log_severity_level = 4  # none: what goes wrong is raised, too
     options.add_session_config_entry("session.model_external_initializers_file_folder_path", str(path.absolute()))
-    return onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
+    with contextlib.redirect_stdout(None):  # where it says what it raises
+        return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
 
 
 def first_states(states: Iterable[Tensor], readings: np.ndarray) -> dict[str, np.ndarray]:

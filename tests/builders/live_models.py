@@ -6,11 +6,17 @@ import numpy as np
 import torch
 
 from pipeline import models, tasks
-from pipeline.base import files
+from pipeline.base import files, ranges
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
 from pipeline.inference import predictor
 from pipeline.learning.regressors import Scaled, Spec
+from pipeline.learning.window_statistics import KINDS as KINDS_OF_STATISTICS
+from pipeline.settings.targets import Target
+from pipeline.targets import kept
+from pipeline.targets import models as target_models
+from pipeline.targets.features import Windows
+from pipeline.targets.validate import Final
 
 ROWS, COLS, MAP = 2, 3, (8, 12)
 FRAMES, STEP, INTERVAL_S = 3, 2, 0.02
@@ -185,3 +191,36 @@ def printed(
     times = begin_us + (np.arange(len(readings)) * 1e6 / rate_hz).astype(int) if times_us is None else times_us
     rows = zip(times.tolist(), readings.tolist(), strict=True)
     return b"".join(",".join(map(str, [t_us, *values])).encode() + b"\n" for t_us, values in rows)
+
+
+def target(folder: Path, classes: tuple[str, ...] = ()) -> Path:
+    """Save the model of a target of one's own, on the array of `linear`: an angle, or one of some classes."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 1000, (60, KINDS_OF_STATISTICS, ROWS * COLS)).astype(np.float32)
+    y = np.eye(len(classes))[np.arange(60) % len(classes)] if classes else x[:, 0, :1] / 10
+    number = np.arange(60) % 3
+    windows = Windows(x, y, list(classes), number, ["a", "b", "c"], number, number, 1)
+    kind = "class" if classes else "continuous"
+    row = next(row for row in target_models.rows(kind, 3) if row.name == "extra trees")
+    (estimator,) = row.fit(windows.columns(row.level), y)
+    known = {"name": "object", "kind": kind, "folder": 1} | ({} if classes else {"name": "angle", "unit": "deg"})
+    folder.mkdir(parents=True, exist_ok=True)
+    kept.write(
+        folder,
+        Final(row, estimator, 0.1, 20),
+        windows,
+        {"R2": 0.9},
+        experiment="touch",
+        sensor="pad",
+        target=Target(**known),
+        settings={name: TOUCH[name] for name in kept.READ},
+        window_s=2.0,
+        by="recording",
+        interval_s=INTERVAL_S,
+        correlation=None,
+        commit="0" * 40,
+        trained_on=[ranges.of(x[:, 0], "v", 0, range(ROWS * COLS), 0.5)],
+        logs=[kept.Log(name="a/b", sha256="0" * 64, tests=["a"])],
+        tests={"a": {"R2": 0.9}},
+    )
+    return folder
