@@ -95,12 +95,13 @@ def faults(path: Path, card: BaseModel, text: str, package: Collection[str]) -> 
             wrong[name] = f"{file}: is not among the files that {path.name} names"
         elif name in named and not file.is_file():
             wrong[name] = f"{file}: not found, but {path.name} names it"
-        elif name in named and _digest(file) != named[name]:
+        elif name in named and digest(file) != named[name]:
             wrong[name] = f"{file}: is not the file that {path.name} describes"
     return wrong
 
 
-def _digest(path: Path) -> str:
+def digest(path: Path) -> str:
+    """Return the digest of a file; InputError where it cannot be read."""
     with reading(path, "a file that can be read", "copy it again"):
         return files.sha256(path)
 
