@@ -16,12 +16,12 @@ from pipeline.base.errors import InputError
 from pipeline.base.foreign import reason
 from pipeline.datasets import images
 from pipeline.settings.models import Models
-from pipeline.targets.read import FORMATS
 
 if TYPE_CHECKING:
     from pipeline.inference.card import Card
 
 READING = ("sensor", "ingest", "window", "label")  # blocks of an experiment that say how logs become inputs
+FORMATS = {"touch": "array_format", "strain": "formats", "glove": "scanner_format"}  # function of the experiment
 UNITS = {"windows": "counts", "series": "V", "images": "levels"}  # of readings where the settings name none
 OUTPUT_UNITS = {"velostat_recorded": "N", "windows": "kPa", "series": "mm", "images": "probability"}
 LARGEST_INPUT = 1 << 24  # numbers of a window, 64 MB; the largest here has 12,500
@@ -53,7 +53,7 @@ def _facts(card: "Card") -> Iterator[Fact]:
     module, reading, inputs, outputs = experiments.module(card.experiment), card.reading, card.inputs, card.outputs
     yield "kind", card.kind == module.KIND, f"of {card.experiment} it is {module.KIND}"
     if card.experiment in FORMATS:
-        FORMATS[card.experiment](reading)  # which raises where no log could be read
+        getattr(module, FORMATS[card.experiment])(reading)  # which raises where no log could be read
     schema = module.frames_schema(reading)
     of = images.reading_columns(schema) if card.kind == "images" else ["v"]
     areas = {name: schema.field(name).type.list_size for name in of}

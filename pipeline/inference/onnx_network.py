@@ -21,7 +21,7 @@ READINGS = "readings"  # name of the first input
 ZERO, REPEATED = "zero", "the first reading, repeated"  # what a state is before the first reading
 NUMBERS = "tensor(float)"  # type of every input and output
 LARGEST = 1 << 24  # numbers of an input or output of one stream; a state of 8,192 units and 100 readings has a tenth
-WHAT = "a network that `tactile export --onnx` wrote"
+WHAT = "a network that `tactile export MODEL FOLDER --onnx` wrote"
 
 
 class Tensor(NamedTuple):
