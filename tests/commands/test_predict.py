@@ -203,7 +203,7 @@ def strain(tmp_path_factory) -> tuple[Path, Path, str]:
     own_logs.strain(folder / "logs", 5, 10.0, seconds=60.0)
     model = live_models.series(folder / "model")
     settings = params.load(ROOT / "params.yaml")["strain"]
-    reading = {"sensor": {"channels": 5}, "window": settings["window"]}
+    reading = {"sensor": {"channels": 5}, "window": live_models.SERIES["window"]}
     reading |= {"ingest": settings["ingest"] | {"rate_hz": 5, "max_reject_fraction": 0.1, "max_gap_s": 10.0}}
     described(model, reading=reading, protocol="task_2", logs=[])
     return model, next((folder / "logs" / "task_2").iterdir())
