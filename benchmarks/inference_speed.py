@@ -78,7 +78,7 @@ def drawn(values: Mapping, experiment: str, network: str) -> Predictor:
             precision=None,
             best_epoch=0,
             scores=[],
-            sha256="none",
+            files={},
         ),
     )
 

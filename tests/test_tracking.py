@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from builders import live_models
 from builders.devices import until
 from builders.made_results import EPOCHS, fit_linear, write_results
 from builders.project import ROOT
@@ -38,9 +39,9 @@ PARAMS = {
     "experiments": ["touch", "velostat_recorded"],
     "device": "auto",
     "touch": {
-        "sensor": {"rows": 2, "cols": 3, "pitch_mm": 12.0},
-        "ingest": {"highest_count": 1023, "max_touches": 2},
-        "window": {"frames": 4, "frame_step": 2, "contact_threshold_n": 0.5},
+        "sensor": {"rows": 2, "cols": 3, "pitch_mm": 12.0, "element_mm": 11.5},
+        "ingest": live_models.TOUCH["ingest"],
+        "window": live_models.TOUCH["window"] | {"frames": 4, "contact_threshold_n": 0.5},
         "label": {"map_rows": 3, "map_cols": 5, "tip_radius_mm": 5.0},
         "budget": 1.0,
         "protocols": {"press": {"seeds": [0, 1]}},

@@ -21,9 +21,10 @@ the exchange), so that their models keep none. Nor do those of strands, where mo
 
 import itertools
 from collections.abc import Iterator, Sequence
+from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 LAGS = (1, 5, 25)  # readings, over which changes are tried
 LENGTHS = (300, 1000, 3000, 10_000, 30_000)  # readings of stretches; in shorter ones anything may happen
@@ -37,15 +38,27 @@ PAIRS = 200  # at most, that are exchanged to try it out
 class Correlation(BaseModel):
     """How the channels of a model's training went together."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    columns: list[int]  # places in a reading of the channels
-    lag: int  # readings
+    columns: list[Annotated[int, Field(ge=0)]]  # places in a reading of the channels
+    lag: Annotated[int, Field(ge=1, le=max(LAGS))]  # readings
     correlation: list[list[float]]  # of changes over the lag, (channels, channels)
-    spread: list[float]  # standard deviation of these changes, in the unit of a reading
+    spread: list[Annotated[float, Field(gt=0)]]  # standard deviation of these changes, in the unit of a reading
     lengths: list[int]  # of stretches, rising
     most_apart: list[float]  # largest distance of a stretch that is taken as unchanged, for each length
     most_gain: list[float]  # largest log ratio of a channel's changes to those of the others, for each length
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "Correlation":
+        n = len(self.columns)
+        if n < CHANNELS or len(set(self.columns)) < n or len(self.spread) != n:
+            raise ValueError("columns and spread should have one entry for each channel")
+        if len(self.correlation) != n or any(len(row) != n for row in self.correlation):
+            raise ValueError("correlation should have a row and a column for each channel")
+        rising = 0 < len(self.lengths) == len(set(self.lengths)) and sorted(self.lengths) == self.lengths
+        if not rising or not len(self.lengths) == len(self.most_apart) == len(self.most_gain):
+            raise ValueError("lengths should rise, and most_apart and most_gain have one entry for each")
+        return self
 
     def limits(self, n: int) -> tuple[float, float] | None:
         """Return most_apart and most_gain for n readings; None where these are too few."""

@@ -6,9 +6,12 @@ margin. The mean sees what no single column does: an array whose rest has shifte
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from pipeline.base.cards import Words
 
 # Margins beyond which at most 1 % of the test part of the training's own sensor lies. Measured on the first protocols
 # of the look, of strain_recorded within a day, in %:
@@ -31,22 +34,32 @@ from pydantic import BaseModel, ConfigDict
 MARGIN = 0.15  # of the range of the widest column of a kind, so that a column that was constant has one, too
 MEAN_MARGIN = 0.1  # of the range of the mean
 MEAN_MARGIN_OF_TOUCHES = 0.5
+Number = Annotated[float, Field(ge=-1e12, le=1e12)]
 
 
 class Columns(BaseModel):
     """What the readings of a model's training were in the columns of one kind, such as the cells of one area."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    name: str  # of a column without its number: v, of an area its first letter
-    first: int  # place in a reading of the column with number 0
-    columns: list[int]  # numbers of those that the model sees
-    low: list[float]  # of each of them
-    high: list[float]
-    margin: float
-    mean_low: float  # of the mean over them in one reading
-    mean_high: float
-    mean_margin: float
+    name: Words  # of a column without its number: v, of an area its first letter
+    first: Annotated[int, Field(ge=0)]  # place in a reading of the column with number 0
+    columns: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]  # numbers of those that the model sees
+    low: list[Number]  # of each of them
+    high: list[Number]
+    margin: Annotated[Number, Field(gt=0)]
+    mean_low: Number  # of the mean over them in one reading
+    mean_high: Number
+    mean_margin: Annotated[Number, Field(gt=0)]
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "Columns":
+        if not len(self.columns) == len(self.low) == len(self.high) == len(set(self.columns)):
+            raise ValueError("columns, low and high should have one entry for each column")
+        pairs = zip([*self.low, self.mean_low], [*self.high, self.mean_high], strict=True)
+        if any(low > high for low, high in pairs):
+            raise ValueError("low should not be above high")
+        return self
 
     @cached_property
     def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -136,6 +149,11 @@ def _all_of(kind: Columns) -> str:
     """Name the columns of a kind."""
     least, most = min(kind.columns), max(kind.columns)
     return f"{kind.name}{least} to {kind.name}{most}" if most > least else f"{kind.name}{least}"
+
+
+def places(trained_on: Sequence[Columns]) -> list[int]:
+    """Return the places in a reading of the columns that have a range."""
+    return [kind.first + number for kind in trained_on for number in kind.columns]
 
 
 def words(trained_on: Sequence[Columns], unit: str) -> str:

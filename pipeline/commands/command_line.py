@@ -23,6 +23,7 @@ GROUPS = {  # heading of the help -> command -> its module
         "predict": "predict",
         "live": "live",
         "export": "export",
+        "inspect": "inspect",
     },
     "Your own sensor": {
         "import": "import_logs",

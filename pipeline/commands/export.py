@@ -3,8 +3,9 @@
 MODEL is EXPERIMENT/MODEL such as touch/lomp_stream (the model that this checkout trained, else the pretrained one),
 EXPERIMENT/MODEL/PROTOCOL/SEED, or a folder that this command made. FOLDER, which must not exist, gets the weights and
 card.json: what readings the model takes, what it predicts and how far off that may be, its settings and its test
-scores. A model of series that was fitted to its validation part is fitted again without it, to calibrate its intervals;
-that takes as long as its training, once. With --onnx FOLDER also gets model.onnx, which is compared with torch.
+scores. The card names every file by its digest, so that a damaged or exchanged one is refused. A model of series that
+was fitted to its validation part is fitted again without it, to calibrate its intervals; that takes as long as its
+training, once. With --onnx FOLDER also gets model.onnx, which is compared with torch.
 """
 
 import argparse
@@ -39,8 +40,8 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         source, comes_from = packages.locate(workspace, given.model, values, Path(draft, "located"), refit=True)
         card, package = cards.read(source), Path(draft, "package")
         package.mkdir()
-        for path in (source / cards.NAME, cards.weights_file(source)):
-            shutil.copy(path, package)
+        shutil.copy(cards.weights_file(source), package)
+        cards.write(package, card)
         print(f"{card.experiment}/{card.model}: {comes_from}")
         if given.onnx:
             _write_onnx(package)

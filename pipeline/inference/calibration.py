@@ -15,6 +15,7 @@ import numpy as np
 
 from pipeline import experiments, models, tasks
 from pipeline.base import files, params
+from pipeline.base.foreign import reading
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas, series
 from pipeline.datasets.windows import read_dataset
@@ -65,8 +66,12 @@ def calibrated(workspace: Workspace, values: Mapping, card: cards.Card, refit: b
     if not workspace.dataset(card.experiment).exists():
         return card
     kept = workspace.calibration(card.experiment, card.model, card.protocol, card.seed)
-    if kept.exists() and (known := json.loads(kept.read_text(encoding="utf-8")))["sha256"] == card.sha256:
-        return card.model_copy(update={"calibration": cards.Calibration.model_validate(known["calibration"])})
+    if kept.exists():
+        with reading(kept, "a kept calibration", "remove it, and the calibration is made again"):
+            known = json.loads(kept.read_text(encoding="utf-8"))
+            given = cards.Calibration.model_validate(known["calibration"])
+            if known["sha256"] == card.weights_sha256:
+                return card.model_copy(update={"calibration": given})
     run = tasks.load(
         workspace, values, card.experiment, card.model, card.protocol, card.seed, Spec(**card.shapes.model_dump())
     )
@@ -87,7 +92,9 @@ def calibrated(workspace: Workspace, values: Mapping, card: cards.Card, refit: b
         coverage=[each for held_out, of in pairs if of.value is not None for each in _coverage(rows, held_out, of)],
     )
     if refitted:
-        files.write_text(kept, json.dumps({"sha256": card.sha256, "calibration": given.model_dump()}, indent=1) + "\n")
+        files.write_text(
+            kept, json.dumps({"sha256": card.weights_sha256, "calibration": given.model_dump()}, indent=1) + "\n"
+        )
     return card.model_copy(update={"calibration": given})
 
 

@@ -1,43 +1,52 @@
 """Describe a saved model beside its weights, so that it can be used without this checkout's settings and data."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.base import cards, files, ranges
+from pipeline.base.cards import Words
 from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
+from pipeline.settings import Experiment
 
 NAME = "card.json"
 WEIGHTS = ("network.safetensors", "estimator.skops")
-READING = ("sensor", "ingest", "window", "label")  # blocks of an experiment that say how logs become inputs
+ONNX = "model.onnx"
+AGAIN = "make the folder again with `tactile export MODEL FOLDER`"
+
+Size = Annotated[int, Field(ge=1, le=1 << 20)]
+Count = Annotated[int, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+Distance = Annotated[float, Field(ge=0, le=1e9)]
+Case = Literal["always", "touch", "no touch"]
 
 
 class Part(BaseModel):
-    """A part of a card: every key known, nothing changed later."""
+    """A part of a card: every key known, no NaN, nothing changed later."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Shapes(Part):
     """Shapes of a model's input and output, as learning.regressors.Spec."""
 
-    frames: int
-    rows: int
-    cols: int
-    map_rows: int
-    map_cols: int
+    frames: Size
+    rows: Size
+    cols: Size
+    map_rows: Size
+    map_cols: Size
 
 
 class Inputs(Part):
     """What one reading is: `columns` values in `unit`, one reading every `interval_s` seconds."""
 
-    columns: int
+    columns: Size
     unit: Literal["counts", "V", "ohm", "any", "levels"]
-    order: str
-    interval_s: float
-    frame_step: int  # readings from one frame of a window to the next
+    order: Words
+    interval_s: Positive
+    frame_step: Size  # readings from one frame of a window to the next
     chosen: list[int] | None = None  # columns that the model sees, in its order; None: all of them
 
 
@@ -45,52 +54,52 @@ class Outputs(Part):
     """What one prediction is: values in `unit`; `names` of the outputs where they are no map."""
 
     unit: Literal["kPa", "N", "mm", "probability"]
-    names: list[str] | None = None
-    touch_kpa: float | None = None  # peak of a map from which on it is a touch
-    force_gain: float | None = None  # of a pressure map: force on the load cells in N over the map's integral in N
+    names: list[Words] | None = None
+    touch_kpa: Positive | None = None  # peak of a map from which on it is a touch
+    force_gain: Positive | None = None  # of a pressure map: force on the load cells in N over the map's integral in N
 
 
 class Score(Part):
     """One row of scores.csv."""
 
-    condition: str
-    metric: str
-    unit: str
+    condition: Words
+    metric: Words
+    unit: Words
     value: float | None  # None where there is nothing to score
-    n: int
+    n: Count
 
 
 class Bound(Part):
     """How far one output may be off, from the validation part; the interval is prediction +- value x scale."""
 
-    output: str  # kpa (of a touch), force_n, object, or one of `outputs.names`
-    case: Literal["always", "touch", "no touch"]  # the predictions that it is for
-    value: float | None  # half width; of an object the probability from which on it is in the set; None: cannot tell
-    floor: float | None = None  # scale is sqrt(prediction + floor), in the output's unit; None: scale is 1
-    groups: int  # that it was calibrated on
-    rows: int
+    output: Words  # kpa (of a touch), force_n, object, or one of `outputs.names`
+    case: Case  # the predictions that it is for
+    value: Distance | None  # half width; of an object the probability from which on it is in the set; None: cannot tell
+    floor: Distance | None = None  # scale is sqrt(prediction + floor), in the output's unit; None: scale is 1
+    groups: Count  # that it was calibrated on
+    rows: Count
 
 
 class Coverage(Part):
     """How often the intervals held the truth on the test part, each group with the same weight."""
 
-    condition: str
-    output: str
-    case: Literal["always", "touch", "no touch"]
+    condition: Words
+    output: Words
+    case: Case
     width: float  # mean width of the intervals, or size of the sets
     share: float
     low: float  # of the 95 % binomial interval over groups
     high: float
-    groups: int
-    rows: int
-    reason: str  # why the share may be outside what is plausible; empty where it is inside
+    groups: Count
+    rows: Count
+    reason: Words  # why the share may be outside what is plausible; empty where it is inside
 
 
 class Calibration(Part):
     """Split-conformal calibration of a model's intervals, see scoring/conformal.py."""
 
-    level: float  # share of truths that an interval is to hold
-    group: str  # what counts as one: press, grasp, session, block of 10 s
+    level: Annotated[float, Field(gt=0, le=0.999)]  # share of truths that an interval is to hold
+    group: Words  # what counts as one: press, grasp, session, block of 10 s
     shared: bool  # groups of the validation part were also trained on, so that new ones have larger errors
     refitted: bool  # the errors are of the same model fitted without the validation part: this one was fitted to it
     bounds: list[Bound]
@@ -100,33 +109,35 @@ class Calibration(Part):
 class Log(Part):
     """A recording of the dataset that a model was trained or tested on."""
 
-    name: str  # condition/recording
-    sha256: str  # of the sensor's log, files.content_sha256
-    parts: list[str]  # of the split that its rows are in: train, validation, test
+    name: Words  # condition/recording
+    sha256: cards.Digest  # of the sensor's log, files.content_sha256
+    parts: list[Literal["train", "validation", "test"]]  # of the split that its rows are in
 
 
 class Card(Part):
     """All that a saved model needs beside its weights."""
 
-    experiment: str
+    experiment: Experiment
     kind: Literal["windows", "series", "images"]
-    model: str
-    protocol: str
-    seed: int
-    commit: str
+    model: Words
+    protocol: Words
+    seed: Count
+    commit: Words
     settings: dict  # the model's block of settings
-    reading: dict[str, dict]  # READING: those that the experiment has
+    reading: dict[str, dict]  # consistent.READING: those that the experiment has
     shapes: Shapes
     inputs: Inputs
     outputs: Outputs
-    precision: str | None  # of products in training
-    best_epoch: int
+    precision: Words | None  # of products in training
+    best_epoch: Count
     scores: list[Score]  # of the test part
-    sha256: str  # of the file of weights
+    files: cards.Files  # of the package, by name: one of WEIGHTS, ONNX where there is one, and the card itself
     correlation: Correlation | None = None  # of the channels in training; None: not known, or it tells nothing
     calibration: Calibration | None = None  # None: predictions have no interval
-    trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
-    source: str | None = None  # of its logs: simulated, data/own/..., or the public recordings' name; None: not known
+    trained_on: Annotated[list[ranges.Columns], Field(min_length=1)] | None = (
+        None  # None: nobody knows which readings lie outside the training
+    )
+    source: Words | None = None  # of its logs: simulated, data/own/..., or the public recordings' name; None: not known
     logs: list[Log] | None = None  # None: nobody knows which logs it was trained on
 
     @property
@@ -135,9 +146,15 @@ class Card(Part):
         shapes = self.shapes
         return (shapes.map_rows, shapes.map_cols) if self.kind == "windows" else (shapes.map_rows * shapes.map_cols,)
 
+    @property
+    def weights_sha256(self) -> str:
+        """Digest of the file of weights."""
+        return next(self.files[name] for name in WEIGHTS if name in self.files)
+
     def of_network(self) -> "Card":
-        """Return the card without what tells nothing of the network: the logs that it was trained on."""
-        return self.model_copy(update={"source": None, "logs": None})
+        """Return the card as ONNX repeats it: of the files the weights alone, without the logs of the training."""
+        weights = {name: digest for name, digest in self.files.items() if name in WEIGHTS}
+        return self.model_copy(update={"source": None, "logs": None, "files": weights})
 
     def reach(self, frame_step: int | None = None) -> int:
         """Return how many readings lie between the first and the last frame of a window: those without a prediction.
@@ -156,13 +173,26 @@ def weights_file(folder: Path) -> Path:
 
 
 def write(folder: Path, card: Card) -> None:
-    """Write a card beside the weights."""
-    files.write_text(folder / NAME, card.model_dump_json(indent=1) + "\n")
+    """Write a card beside the weights that it names, and beside ONNX where that is there, which it then names, too."""
+    named = card.of_network().files
+    if (folder / ONNX).is_file():
+        named |= {ONNX: files.sha256(folder / ONNX)}
+    cards.write(folder / NAME, card.model_copy(update={"files": named}))
 
 
 def read(folder: Path) -> Card:
-    """Return the card of a saved model; InputError where it is absent or broken, or where the weights are not its."""
+    """Return the card of a saved model.
+
+    Raises InputError where it is absent, broken, or does not fit itself, and where the files are not its.
+    """
+    from pipeline.inference import consistent  # here, because the import of the experiments takes a second
+
     path = folder / NAME
     if not path.is_file():
         raise InputError(f"{path}: not found; make the folder with `tactile export MODEL FOLDER`")
-    return cards.read(path, Card, weights_file(folder), "make the folder again")
+    weights = weights_file(folder)
+    card = cards.read(path, Card, (*WEIGHTS, ONNX), AGAIN)
+    if [name for name in WEIGHTS if name in card.files] != [weights.name]:
+        raise InputError(f"{path}, files: names {' and '.join(WEIGHTS)}, of which a model has one; {AGAIN}")
+    consistent.check(card, path, AGAIN)
+    return card

@@ -12,7 +12,7 @@ from pipeline.base import files, paths, ranges
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, images, schemas
 from pipeline.inference import card as cards
-from pipeline.inference import training
+from pipeline.inference import consistent, training
 from pipeline.scoring import metrics, results
 
 MAP_ORDER = "row by row from the bottom row, each from the left"
@@ -21,8 +21,6 @@ ORDERS = {
     "series": "channels as in the log",
     "images": "cells of all areas, as in the log",
 }
-UNITS = {"windows": "counts", "series": "V", "images": "levels"}
-OUTPUT_UNITS = {"velostat_recorded": "N", "windows": "kPa", "series": "mm", "images": "probability"}
 
 
 class Describer:
@@ -38,7 +36,7 @@ class Describer:
         times = _table(workspace.frames(experiment), ["t_s"])["t_s"].to_numpy()
         self._inputs = cards.Inputs(
             columns=sum(schema.field(name).type.list_size for name in self._columns),
-            unit=settings.get("sensor", {}).get("unit", UNITS[self.kind]),
+            unit=settings.get("sensor", {}).get("unit", consistent.UNITS[self.kind]),
             order=ORDERS[self.kind],
             interval_s=round(float(np.median(np.diff(times))), 6),
             frame_step=settings["window"].get("frame_step", 1),
@@ -70,6 +68,7 @@ class Describer:
         """Return the card of a run that need not have been evaluated; errors as `card`."""
         experiment, settings = self.experiment, self.values[self.experiment]
         folder = self.workspace.run_folder(experiment, model, protocol, seed)
+        weights = cards.weights_file(folder)
         fit = fits.read_as_set(folder, self.values, experiment, model, protocol)
         names, chosen, touch_kpa = self._classes, None, None
         if self.kind == "windows":
@@ -83,7 +82,7 @@ class Describer:
             from pipeline.learning.image_classifier import spec_of
 
             spec = spec_of(len(names), images.shape(settings))
-        unit = OUTPUT_UNITS.get(experiment, OUTPUT_UNITS[self.kind])
+        unit = consistent.OUTPUT_UNITS.get(experiment, consistent.OUTPUT_UNITS[self.kind])
         return cards.Card(
             experiment=experiment,
             kind=self.kind,
@@ -92,14 +91,14 @@ class Describer:
             seed=seed,
             commit=commit,
             settings=fit["settings"],
-            reading={name: settings[name] for name in cards.READING if name in settings},
+            reading={name: settings[name] for name in consistent.READING if name in settings},
             shapes=cards.Shapes(**spec._asdict()),
             inputs=self._inputs.model_copy(update={"chosen": chosen}),
             outputs=cards.Outputs(unit=unit, names=names, touch_kpa=touch_kpa),
             precision=fit["precision"],
             best_epoch=fit["best_epoch"],
             scores=[],
-            sha256=files.sha256(cards.weights_file(folder)),
+            files={weights.name: files.sha256(weights)},
             source=settings.get("source", experiment),
         )
 

@@ -18,6 +18,7 @@ from torch import nn
 
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST
+from pipeline.inference import card as cards
 from pipeline.inference.card import Card
 from pipeline.inference.onnx_network import CARD, NAME, READINGS, REPEATED, TENSORS, ZERO, OnnxNetwork, Tensor
 from pipeline.inference.onnx_regressions import Regression, is_regression
@@ -59,6 +60,8 @@ class Graph(NamedTuple):
 def export(model: Predictor, folder: Path) -> float:
     """Write a saved network as NAME into a folder that exists, and return how far it is from torch, of full scale.
 
+    A card in that folder, which has to be the model's, then names the file.
+
     Raises InputError for a model that ONNX cannot hold, and where predictions differ from its own by more than
     MOST_DIFFERENCE.
     """
@@ -71,6 +74,8 @@ def export(model: Predictor, folder: Path) -> float:
             f"{_name(model)}: as ONNX it differs from itself by {differs:.1g} of full scale, more than "
             f"{MOST_DIFFERENCE:g}; export it without --onnx"
         )
+    if (folder / cards.NAME).is_file():
+        cards.write(folder, model.card)
     return differs
 
 
@@ -294,7 +299,7 @@ def write(graph: Graph, card: Card, path: Path) -> None:
     for dimension in (dimension for value in values for dimension in value.type.tensor_type.shape.dim):
         if dimension.dim_param:
             dimension.dim_param = "n"  # the exporter has another name for the number of rows
-    onnx.helper.set_model_props(made, {TENSORS: json.dumps(described), CARD: card.model_dump_json()})
+    onnx.helper.set_model_props(made, {TENSORS: json.dumps(described), CARD: card.of_network().model_dump_json()})
     path.write_bytes(made.SerializeToString())
 
 

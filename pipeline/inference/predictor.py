@@ -15,10 +15,13 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import torch
+from torch import nn
 
 from pipeline import experiments, models, tasks
 from pipeline.base import ranges
 from pipeline.base.errors import InputError
+from pipeline.base.foreign import reading
 from pipeline.datasets import images, schemas
 from pipeline.inference import card as cards
 from pipeline.inference import intervals
@@ -50,7 +53,7 @@ class Predictor:
         """
         self._frame_step = frame_step or self.card.inputs.frame_step
         self._count = 0
-        self._carried = [{} for _ in range(self._frame_step)]  # a stream for each reading of a step
+        self._carried = {}  # a stream for each reading of a step that was seen
         self._last = deque(maxlen=self.card.reach(self._frame_step) + 1)
         self._outside = deque(maxlen=self._last.maxlen)  # of the readings that `step` was given
         self._put({})
@@ -93,7 +96,7 @@ class Predictor:
         if self.card.kind == "images":
             predicted = self._of_images(x)
         elif self.card.kind == "series" or self.model.streams:
-            self._put(self._carried[phase])
+            self._put(self._carried.get(phase, {}))
             predicted = self._network.step(x if self.onnx else self._chosen(x))
             self._carried[phase] = {name: getattr(self._network, name, None) for name in CARRIED}
             if self._count <= self.card.reach(self._frame_step):
@@ -175,8 +178,9 @@ class Predictor:
 
         NaN until a stream has seen as many frames as a window has.
         """
-        missing = -len(x) % frame_step
-        padded = np.concatenate([x, np.repeat(x[-1:], missing, axis=0)]).reshape(-1, frame_step, x.shape[1])
+        streams = min(frame_step, len(x))
+        missing = -len(x) % streams
+        padded = np.concatenate([x, np.repeat(x[-1:], missing, axis=0)]).reshape(-1, streams, x.shape[1])
         self.model.state = None
         predicted = np.concatenate([self.model.step(frames) for frames in padded])[: len(x)]
         self.model.state = None
@@ -202,6 +206,12 @@ def onnx_is_faster(model: object) -> bool:
     return not isinstance(model, LompRegressor)
 
 
+def size_of(model: object) -> int:
+    """Return the bytes that the tensors of a model's network have."""
+    networks = [value for value in vars(model).values() if isinstance(value, nn.Module)]
+    return sum(each.numel() * each.element_size() for network in networks for each in network.state_dict().values())
+
+
 def load(folder: str | Path) -> Predictor:
     """Return the saved model in a folder that `tactile export` made, ready to predict on the CPU.
 
@@ -211,13 +221,25 @@ def load(folder: str | Path) -> Predictor:
     folder = Path(folder)
     card = cards.read(folder)
     spec = Spec(**card.shapes.model_dump())
-    built = models.build(card.model, spec, card.settings, f"{cards.NAME}, settings")
-    model = tasks.of(card.experiment).adapted(built, spec)
+    with reading(folder / cards.NAME, "a card whose settings fit its shapes", cards.AGAIN):
+        with torch.device("meta"):  # which has no memory: settings may ask for more than the weights have, and there is
+            size = size_of(models.build(card.model, spec, card.settings, f"{cards.NAME}, settings"))
+        if size > cards.weights_file(folder).stat().st_size:
+            raise ValueError(f"its network has {size} bytes, the file of weights less")
+        built = models.build(card.model, spec, card.settings, f"{cards.NAME}, settings")
+        model = tasks.of(card.experiment).adapted(built, spec)
+        if not hasattr(model, "step" if card.kind == "series" else "streams"):
+            raise ValueError(f"{card.model} is no model of {card.kind}")
     model.load(folder)
     path = folder / NAME
     if not path.is_file() or not onnx_is_faster(model):
         return Predictor(model, card)
     onnx = OnnxNetwork(path)
-    if cards.Card.model_validate_json(onnx.card).of_network() != card.of_network():
-        raise InputError(f"{path}: is not of the model of {cards.NAME}; make the folder again")
+    with reading(path, "a network with its card", cards.AGAIN):
+        of_onnx = cards.Card.model_validate_json(onnx.card)
+    columns, shapes = card.inputs.columns, card.shapes
+    taken = {"windows": (shapes.frames, columns), "series": (columns,), "images": (1, shapes.rows * shapes.cols)}
+    expected = ("n", *taken[card.kind]), ("n", *card.output_shape)
+    if of_onnx != card.of_network() or (onnx.readings.shape, onnx.predictions.shape) != expected:
+        raise InputError(f"{path}: is not of the model of {cards.NAME}; {cards.AGAIN}")
     return Predictor(model, card, onnx)

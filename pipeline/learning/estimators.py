@@ -2,7 +2,6 @@
 
 import io
 import json
-import re
 import warnings
 import zipfile
 from collections.abc import Callable, Iterable, Sequence
@@ -12,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from pipeline.base.errors import InputError
+from pipeline.base.foreign import reading
+from pipeline.learning import structure
 from pipeline.learning.regressors import Spec, Windows, check_windows
 from pipeline.learning.training import FitSummary, Progress, solved
 from pipeline.learning.weights import existing
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
 
 ESTIMATOR_FILE = "estimator.skops"
+AGAIN = "train the model again"
+SEEDS = ("random_state", "seed")  # parameters that a fit is free in
 
 
 class SklearnRegressor:
@@ -94,9 +96,12 @@ class SklearnRegressor:
     def load(self, folder: Path) -> None:
         """Read the fitted estimator from `folder`; only types that skops knows or `trusted` names.
 
-        Raises InputError for a file that is absent, damaged or holds other types.
+        Raises InputError for a file that is absent, damaged, crafted, or of another model or other settings.
         """
         self.estimator = read(folder, self.trusted)
+        with reading(Path(folder) / ESTIMATOR_FILE, "a model with these settings", AGAIN):
+            _check_same(self.estimator, self.make_estimator(0))
+            check_prediction(self.predict, np.zeros((1, self.spec.frames, self.spec.elements)), self.spec.outputs)
 
     def parameters(self) -> int:
         """Return the number of fitted numbers (scaling constants not counted, as for networks)."""
@@ -126,15 +131,39 @@ def write(folder: Path, estimator: "BaseEstimator") -> None:
 
 
 def read(folder: Path, trusted: Sequence[str]) -> "BaseEstimator":
-    """Return the estimator that `write` wrote; trusted and errors as of `SklearnRegressor.load`."""
+    """Return the estimator that `write` wrote; trusted: as of `SklearnRegressor`.
+
+    Raises InputError for a file that is absent, damaged or holds other types, or trees that must not predict.
+    """
     import skops.io  # 3 s, for which no network has to wait
 
     path = existing(Path(folder) / ESTIMATOR_FILE)
-    try:
-        return skops.io.load(path, trusted=list(trusted))
-    except Exception as error:  # skops lets pass what the parts it unpacks raise: some twenty types
-        kind = re.sub(r"\W+", " ", str(error))[:200]  # the error's text may quote the file
-        raise InputError(f"{path}: no model of this kind ({kind}); train the model again") from error
+    with reading(path, "a model of this kind", AGAIN):
+        structure.check_file(path, trusted)
+        estimator = skops.io.load(path, trusted=list(trusted))
+        structure.check_estimator(estimator)
+    return estimator
+
+
+def check_prediction(predict: Callable[[np.ndarray], np.ndarray], x: np.ndarray, outputs: int) -> None:
+    """Raise ValueError where the prediction of x (n, ...) is not (n, outputs): parts that do not fit each other."""
+    with np.errstate(all="ignore"):
+        shape = np.shape(predict(x))
+    if shape != (len(x), outputs):
+        raise ValueError(f"predicts {shape}, the model {(len(x), outputs)}")
+
+
+def _check_same(estimator: "BaseEstimator", fresh: "BaseEstimator") -> None:
+    """Raise ValueError where an estimator was not made as `fresh`, which is not fitted, but for its seed."""
+    if type(estimator) is not type(fresh):
+        raise ValueError(f"is a {type(estimator).__name__}, the model a {type(fresh).__name__}")
+    given = estimator.get_params(deep=False)
+    for name, value in fresh.get_params(deep=False).items():
+        if name == "steps" and [each for each, _ in given[name]] == [each for each, _ in value]:
+            for (_, of_file), (_, wanted) in zip(given[name], value, strict=True):
+                _check_same(of_file, wanted)
+        elif name not in SEEDS and given[name] != value:
+            raise ValueError(f"was fitted with another {name}")
 
 
 def _stable_skops(estimator: "BaseEstimator") -> bytes:

@@ -172,9 +172,10 @@ class LstmRegressor:
         """
         tensors = weights.read(folder)
         recurrent = weights.group_of(tensors, "network.lstm")
-        if "weight_hh_l0" not in recurrent:
+        shape = recurrent["weight_hh_l0"].shape if "weight_hh_l0" in recurrent else ()
+        if len(shape) != 2 or not 0 < 4 * shape[1] == shape[0]:  # else it may ask for more units than it has numbers
             raise weights.other_settings(folder)
-        self.network = Lstm(self.spec.elements, recurrent["weight_hh_l0"].shape[1], self.spec.outputs)
+        self.network = Lstm(self.spec.elements, shape[1], self.spec.outputs)
         self._freeze()
         weights.load(self.network, weights.group_of(tensors, "network"), folder)
         weights.load(self.scaling, weights.constants(tensors), folder)

@@ -88,6 +88,8 @@ class ElementTrees(BaseEstimator):
         x, maps = x.astype(np.float32, copy=False), np.empty((len(x), len(self.owner)))
         for tree, (element, cells) in zip(self.trees_, parts(self.owner), strict=True):
             own = np.ascontiguousarray(x[:, element :: self.elements])
+            if own.shape[1] != tree.tree_.n_features:
+                raise ValueError(f"a tree of {tree.tree_.n_features} columns is given {own.shape[1]}")
             # The trees' checks of their input would take ten times as long as the trees.
             maps[:, cells] = tree.tree_.predict(own).reshape(len(x), -1)
         return maps

@@ -13,6 +13,7 @@ import torch
 from torch import nn
 
 from pipeline.base.errors import InputError
+from pipeline.base.foreign import reading
 from pipeline.datasets.series import Record, Task
 from pipeline.learning import weights
 from pipeline.learning.estimators import SklearnRegressor
@@ -136,9 +137,16 @@ class StateReadout:
         tensors = weights.read(folder)
         if "readout.weights" not in tensors:
             raise weights.other_settings(folder)
-        self.system = {name: value.numpy() for name, value in weights.group_of(tensors, "system").items()}
-        self.weights = tensors["readout.weights"].numpy()
         weights.load(self.scaling, weights.constants(tensors), folder)
+        with reading(Path(folder) / weights.NETWORK_FILE, "a model with these settings", "train the model again"):
+            self.system = {name: value.numpy() for name, value in weights.group_of(tensors, "system").items()}
+            self.weights = tensors["readout.weights"].numpy()
+            units = len(self.weights) - 1
+            shapes = {"reservoir": (units, units), "input": (self.spec.elements, units), "bias": (units,)}
+            if {name: array.shape for name, array in self.system.items()} != shapes:
+                raise ValueError(f"it has no reservoir of {units} units for {self.spec.elements} channels")
+            if self.weights.shape != (units + 1, self.spec.outputs):
+                raise ValueError(f"it does not predict {self.spec.outputs} outputs")
 
     def parameters(self) -> int:
         """Return the number of fitted numbers: the read-out's."""

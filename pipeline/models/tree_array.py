@@ -30,5 +30,5 @@ def build(spec: Spec, *, min_samples_leaf: int, max_features: float) -> SklearnR
         spec,
         count=lambda fitted: tree_numbers([fitted]),
         macs=None,
-        trusted=("sklearn.tree._tree.Tree",),  # node indices are not checked on loading: load your own files only
+        trusted=("sklearn.tree._tree.Tree",),
     )

@@ -6,16 +6,19 @@ A folder has target.json, the card, and the fitted estimator as skops, which exe
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.base import cards, correlation, files, ranges
+from pipeline.base.cards import Words
 from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
+from pipeline.base.foreign import reading, reason
 from pipeline.datasets import images, schemas
+from pipeline.learning.window_statistics import KINDS
 from pipeline.logs import unmeasured
 from pipeline.logs.formats import LOGS
 from pipeline.scoring import conformal, metrics
@@ -25,8 +28,11 @@ from pipeline.targets.features import Windows
 from pipeline.targets.read import Data, Readings
 from pipeline.targets.validate import Final, Tested
 
-CARD = "target.json"
-TRUSTED = ("sklearn.tree._tree.Tree",)  # node indices are not checked on loading: load your own files only
+CARD, WEIGHTS = "target.json", "estimator.skops"
+AGAIN = "train it again with `tactile own FOLDER`"
+TRUSTED = ("sklearn.tree._tree.Tree",)  # learning/structure.py checks its nodes
+LONGEST_S = 3600.0  # of a window
+MOST_ELEMENTS = 1 << 20
 READ = ("sensor", "ingest")  # blocks of settings that say how a log is read
 SAME_RATE = 1.1  # ratio of times from reading to reading, as inference.timing.TOLERANCE
 SOME_VALUES = 1 << 22  # of statistics at once, 16 MB
@@ -42,39 +48,45 @@ UNITS = {"touch": "counts", "strain": "V", "glove": "levels"}  # of readings whe
 class Log(BaseModel):
     """A recording that a model was fitted to."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    name: str  # its path below the sensor's folder
-    sha256: str  # of the sensor's log, files.content_sha256
-    tests: list[str]  # in which it was held out
+    name: Words  # its path below the sensor's folder
+    sha256: cards.Digest  # of the sensor's log, files.content_sha256
+    tests: list[Words]  # in which it was held out
 
 
 class Card(BaseModel):
     """All that a saved model of a target needs beside its estimator, and what it was tested to be worth."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    experiment: str
-    sensor: str
+    experiment: Literal["touch", "strain", "glove"]
+    sensor: Words
     target: Target
     settings: dict[str, dict]  # READ
-    window_s: float
-    elements: int
-    model: str  # the row of the table that all groups chose
+    window_s: Annotated[float, Field(gt=0, le=LONGEST_S)]
+    elements: Annotated[int, Field(ge=1, le=MOST_ELEMENTS)]
+    model: Words  # the row of the table that all groups chose
     level: bool  # whether it sees the level, or only what a drift of the rest leaves alone
-    classes: list[str]  # in the order of the scores; [] of numbers
-    bound: float | None = None  # half width of an interval, or least score of a class in a set; None: cannot tell
-    units: int  # presses, grasps or pieces of a series that the bound is of
-    by: str  # what a group is
-    groups: list[str]  # that it was fitted to
-    scores: dict[str, float]  # metric -> mean over tests of groups apart, chosen on the other groups
-    commit: str
-    sha256: str  # of the estimator's file
-    interval_s: float | None = None  # from one reading of the training to the next; None: not known
+    classes: list[Words]  # in the order of the scores; [] of numbers
+    bound: Annotated[float, Field(ge=0)] | None = (
+        None  # half width of an interval, or least score of a class in a set; None: cannot tell
+    )
+    units: Annotated[int, Field(ge=0)]  # presses, grasps or pieces of a series that the bound is of
+    by: Words  # what a group is
+    groups: list[Words]  # that it was fitted to
+    scores: dict[Words, float]  # metric -> mean over tests of groups apart, chosen on the other groups
+    commit: Words
+    files: cards.Files  # of the package, by name: the estimator's, and the card itself
+    interval_s: Annotated[float, Field(gt=0)] | None = (
+        None  # from one reading of the training to the next; None: not known
+    )
     correlation: Correlation | None = None  # of the channels in training; None: not known, or it tells nothing
-    trained_on: list[ranges.Columns] | None = None  # None: nobody knows which readings lie outside the training
+    trained_on: Annotated[list[ranges.Columns], Field(min_length=1)] | None = (
+        None  # None: nobody knows which readings lie outside the training
+    )
     logs: list[Log] | None = None  # None: nobody knows which logs it was fitted to
-    tests: dict[str, dict[str, float]] = {}  # test -> metric -> value, by the model that the other groups chose
+    tests: dict[Words, dict[Words, float]] = {}  # test -> metric -> value, by the model that the other groups chose
 
 
 class Kept(NamedTuple):
@@ -109,10 +121,10 @@ def write(folder: Path, final: Final, windows: Windows, scores: Mapping[str, flo
         units=final.units,
         groups=windows.groups,
         scores={name: float(value) for name, value in scores.items() if np.isfinite(value)},
-        sha256=files.sha256(folder / estimators.ESTIMATOR_FILE),
+        files={estimators.ESTIMATOR_FILE: files.sha256(folder / estimators.ESTIMATOR_FILE)},
         **described,
     )
-    files.write_text(folder / CARD, card.model_dump_json(indent=1, exclude_none=True) + "\n")
+    cards.write(folder / CARD, card, exclude_none=True)
 
 
 def trained_on(data: Data, experiment: str, settings: Mapping) -> list[ranges.Columns]:
@@ -146,12 +158,56 @@ def tests(tested: Tested) -> dict[str, dict[str, float]]:
 
 
 def load(folder: Path) -> Kept:
-    """Return the model in a folder; InputError where card or estimator is damaged, or is not the other's."""
+    """Return the model in a folder; InputError where card or estimator is damaged, or does not fit the other."""
     from pipeline.learning import estimators
 
-    weights, again = folder / estimators.ESTIMATOR_FILE, "train it again with `tactile own FOLDER`"
-    card = cards.read(folder / CARD, Card, weights, again)
-    return Kept(card, estimators.read(folder, TRUSTED))
+    card = read_card(folder)
+    outputs = max(1, len(card.classes))
+    estimator = estimators.read(folder, TRUSTED)
+    with reading(folder / estimators.ESTIMATOR_FILE, f"a model of {CARD}", AGAIN):
+        nothing = features.columns(np.zeros((1, KINDS, card.elements), np.float32), card.level)
+        estimators.check_prediction(lambda x: models.predicted(estimator, x, outputs), nothing, outputs)
+    return Kept(card, estimator)
+
+
+def read_card(folder: Path) -> Card:
+    """Return the card in a folder; InputError where it is broken or does not fit itself, or is not the estimator's."""
+    path = folder / CARD
+    card = cards.read(path, Card, (WEIGHTS,), AGAIN)
+    check(card, path)
+    return card
+
+
+def check(card: Card, path: Path) -> None:
+    """Raise InputError, which names `path`, where the parts of a card do not fit one another."""
+    cards.check_blocks(path, "settings", card.experiment, card.settings, READ, AGAIN)
+    try:
+        columns = len(read.FORMATS[card.experiment](card.settings).names) - 1
+    except Exception as error:  # what the code of an experiment makes of settings that no sensor has
+        raise InputError(f"{path}, settings: {reason(error)}; {AGAIN}") from error
+    seen = list(range(columns))
+    named = [each.name for each in models.rows(card.target.kind, 1)]
+    order = card.settings["sensor"].get("order", [])
+    facts = {
+        "elements": (card.elements == columns, f"by settings.sensor it is {columns}"),
+        "settings.sensor.order": (sorted(order) in ([], seen), "it has to name each column once, or none"),
+        "model": (card.model in named, f"it is one of {', '.join(named)}"),
+        "classes": (
+            not card.classes if card.target.kind == "continuous" else 1 < len(card.classes) == len(set(card.classes)),
+            "a number has none, and what is no number has two or more, each once",
+        ),
+        "trained_on": (
+            card.trained_on is None or ranges.places(card.trained_on) == seen,
+            "it has a range for each element",
+        ),
+        "correlation.columns": (
+            card.correlation is None or set(card.correlation.columns) <= set(seen),
+            f"a reading has the columns 0 to {columns - 1}",
+        ),
+    }
+    for key, (holds, words) in facts.items():
+        if not holds:
+            raise InputError(f"{path}, {key}: {words}; {AGAIN}")
 
 
 def predict(kept: Kept, log: Readings) -> Predicted:

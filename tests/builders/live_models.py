@@ -6,21 +6,40 @@ import numpy as np
 import torch
 
 from pipeline import models, tasks
-from pipeline.base import files
+from pipeline.base import files, ranges
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
 from pipeline.inference import predictor
 from pipeline.learning.regressors import Scaled, Spec
+from pipeline.learning.window_statistics import KINDS as KINDS_OF_STATISTICS
+from pipeline.settings.targets import Target
+from pipeline.targets import kept
+from pipeline.targets import models as target_models
+from pipeline.targets.features import Windows
+from pipeline.targets.validate import Final
 
 ROWS, COLS, MAP = 2, 3, (8, 12)
 FRAMES, STEP, INTERVAL_S = 3, 2, 0.02
 LOMP = dict(hidden=8, readout=[6], neighbours=4, alpha=1.0, training=dict(learning_rate=1e-3, batch_size=8, epochs=1))
+INGEST = {"max_reject_fraction": 0.1, "max_clock_offset_s": 5.0, "min_correlation": 0.5}
 TOUCH = {
     "sensor": {"rows": ROWS, "cols": COLS, "pitch_mm": 12.0, "element_mm": 11.5},
-    "ingest": {"highest_count": 1023, "max_reject_fraction": 0.1},
-    "window": {"frames": FRAMES, "frame_step": STEP},
+    "ingest": INGEST | {"highest_count": 1023, "max_touches": 2},
+    "window": {
+        "frames": FRAMES,
+        "frame_step": STEP,
+        "stride": 4,
+        "contact_threshold_n": 1.0,
+        "sliding": {"single": 0.1},
+    },
     "label": {"tip_radius_mm": 5.0, "map_rows": MAP[0], "map_cols": MAP[1]},
 }
+SERIES = {
+    "sensor": {"channels": 5},
+    "ingest": INGEST | {"rate_hz": 5, "max_gap_s": 2.0},
+    "window": {"frames": 2},
+}
+IMAGES = {"sensor": {"reference_ohm": 1000.0}, "ingest": {"max_reject_fraction": 0.1}, "window": {"stride": 1}}
 COUNT_KPA = 0.4  # of the linear model: pressure over an element is its count times this
 
 
@@ -36,6 +55,7 @@ def saved(folder: Path, model, key: str, spec: Spec, **changed) -> Path:
     """Save a model with its card into a folder, and return it; changed: what of the card is not touch's."""
     folder.mkdir(parents=True, exist_ok=True)
     model.save(folder)
+    weights = cards.weights_file(folder)
     inputs = dict(columns=spec.elements, unit="counts", order="row by row", interval_s=INTERVAL_S, frame_step=STEP)
     known = dict(
         experiment="touch",
@@ -52,7 +72,7 @@ def saved(folder: Path, model, key: str, spec: Spec, **changed) -> Path:
         precision=None,
         best_epoch=1,
         scores=[],
-        sha256=files.sha256(cards.weights_file(folder)),
+        files={weights.name: files.sha256(weights)},
     )
     cards.write(folder, cards.Card(**known | changed))
     return folder
@@ -100,7 +120,8 @@ def series(folder: Path) -> Path:
         experiment="strain",
         kind="series",
         settings=settings,
-        reading={"sensor": {"channels": 5}, "ingest": {}},
+        protocol="task_2",
+        reading=SERIES,
         inputs=dict(columns=5, unit="V", interval_s=0.2, frame_step=1, chosen=[4, 0, 2]),
         outputs=cards.Outputs(unit="mm", names=["x_mm", "y_mm"]),
     )
@@ -121,7 +142,7 @@ def images(folder: Path) -> Path:
         experiment="glove",
         kind="images",
         protocol="session_combined",
-        reading={"sensor": {"reference_ohm": 1000.0}},
+        reading=IMAGES,
         inputs=dict(columns=405, unit="levels", interval_s=0.14, frame_step=1),
         outputs=cards.Outputs(unit="probability", names=["bottle", "can", "cup"]),
     )
@@ -170,3 +191,36 @@ def printed(
     times = begin_us + (np.arange(len(readings)) * 1e6 / rate_hz).astype(int) if times_us is None else times_us
     rows = zip(times.tolist(), readings.tolist(), strict=True)
     return b"".join(",".join(map(str, [t_us, *values])).encode() + b"\n" for t_us, values in rows)
+
+
+def target(folder: Path, classes: tuple[str, ...] = ()) -> Path:
+    """Save the model of a target of one's own, on the array of `linear`: an angle, or one of some classes."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 1000, (60, KINDS_OF_STATISTICS, ROWS * COLS)).astype(np.float32)
+    y = np.eye(len(classes))[np.arange(60) % len(classes)] if classes else x[:, 0, :1] / 10
+    number = np.arange(60) % 3
+    windows = Windows(x, y, list(classes), number, ["a", "b", "c"], number, number, 1)
+    kind = "class" if classes else "continuous"
+    row = next(row for row in target_models.rows(kind, 3) if row.name == "extra trees")
+    (estimator,) = row.fit(windows.columns(row.level), y)
+    known = {"name": "object", "kind": kind, "folder": 1} | ({} if classes else {"name": "angle", "unit": "deg"})
+    folder.mkdir(parents=True, exist_ok=True)
+    kept.write(
+        folder,
+        Final(row, estimator, 0.1, 20),
+        windows,
+        {"R2": 0.9},
+        experiment="touch",
+        sensor="pad",
+        target=Target(**known),
+        settings={name: TOUCH[name] for name in kept.READ},
+        window_s=2.0,
+        by="recording",
+        interval_s=INTERVAL_S,
+        correlation=None,
+        commit="0" * 40,
+        trained_on=[ranges.of(x[:, 0], "v", 0, range(ROWS * COLS), 0.5)],
+        logs=[kept.Log(name="a/b", sha256="0" * 64, tests=["a"])],
+        tests={"a": {"R2": 0.9}},
+    )
+    return folder

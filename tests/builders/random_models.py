@@ -62,6 +62,11 @@ CASES = {
 REGRESSIONS = ("linear", "poly", "linear_array", "poly_array", "rbf")
 REFUSED = ("tree", "ridge")
 NO_NETWORKS = (*REGRESSIONS, *REFUSED)
+READING = {
+    "windows": live_models.TOUCH | {"label": live_models.TOUCH["label"] | {"map_rows": 4, "map_cols": 6}},
+    "series": live_models.SERIES | {"window": {"frames": 4}},
+    "images": live_models.IMAGES,
+}
 KINDS = {"touch": ("windows", "counts", "kPa"), "strain": ("series", "V", "mm"), "glove": ("images", "levels", None)}
 
 
@@ -107,8 +112,8 @@ def save(key: str, folder: Path) -> Path:
         elements = torch.arange(case.spec.elements)
         model.scaled = Scaled(model.network, 100.0 + elements, 30.0 + elements, torch.tensor(250.0))
     names = {"windows": None, "series": ["x_mm", "y_mm"], "images": ["bottle", "can", "cup", "pen"]}[kind]
-    columns = {"windows": MAPS.elements, "series": COLUMNS, "images": 1051}[kind]
-    chosen = CHOSEN if kind == "series" else None
+    columns = {"windows": MAPS.elements, "series": COLUMNS, "images": 405}[kind]
+    chosen, step = CHOSEN if kind == "series" else None, 2 if kind == "windows" else 1
     return live_models.saved(
         folder,
         model,
@@ -117,7 +122,10 @@ def save(key: str, folder: Path) -> Path:
         experiment=case.experiment,
         kind=kind,
         settings=case.settings,
-        reading={"sensor": {"rows": 2}, "window": {"frame_step": 2}},
-        inputs=dict(columns=columns, unit=unit, order="as in the log", chosen=chosen),
-        outputs=cards.Outputs(unit=output_unit or "probability", names=names),
+        protocol={"windows": "press", "series": "task_2", "images": "session_combined"}[kind],
+        reading=READING[kind],
+        inputs=dict(columns=columns, unit=unit, order="as in the log", chosen=chosen, frame_step=step),
+        outputs=cards.Outputs(
+            unit=output_unit or "probability", names=names, touch_kpa=20.0 if kind == "windows" else None
+        ),
     )

@@ -12,6 +12,7 @@ from builders import free_targets, live_models, own_logs
 from builders.project import ROOT
 
 from pipeline.base import arguments, files, params
+from pipeline.base import cards as base_cards
 from pipeline.commands import targets
 from pipeline.commands.targets import Effort
 from pipeline.inference import card as cards
@@ -202,7 +203,7 @@ def strain(tmp_path_factory) -> tuple[Path, Path, str]:
     own_logs.strain(folder / "logs", 5, 10.0, seconds=60.0)
     model = live_models.series(folder / "model")
     settings = params.load(ROOT / "params.yaml")["strain"]
-    reading = {"sensor": {"channels": 5}, "window": settings["window"]}
+    reading = {"sensor": {"channels": 5}, "window": live_models.SERIES["window"]}
     reading |= {"ingest": settings["ingest"] | {"rate_hz": 5, "max_reject_fraction": 0.1, "max_gap_s": 10.0}}
     described(model, reading=reading, protocol="task_2", logs=[])
     return model, next((folder / "logs" / "task_2").iterdir())
@@ -277,7 +278,7 @@ def test_a_target_quotes_the_test_of_the_group_that_a_log_is_of(workspace, calle
     assert answer(tmp_path / "out").popitem()[1]["held_out"]["R2"] == pytest.approx(tests.loc["ben", "R2"])
     card = json.loads((model / "target.json").read_text())
     del card["logs"]
-    (model / "target.json").write_text(json.dumps(card))
+    (model / kept.CARD).write_text(base_cards.sealed(json.dumps(card), kept.CARD))
     said = called("predict", model, folder, "--out", tmp_path / "out")
     assert kept.UNKNOWN in said and all(each["scores"] for each in answer(tmp_path / "out").values()), "as before"
 
@@ -346,7 +347,7 @@ def test_an_interval_of_a_target_carries_the_coverage_of_its_tests(workspace, ca
     def sentence(coverage: dict[str, float], groups=("anna", "ben", "cleo"), **changed) -> str:
         tests = {test: {"coverage": share} for test, share in coverage.items()}
         other = card.model_copy(update={"tests": tests, "groups": list(groups)} | changed)
-        (model / "target.json").write_text(other.model_dump_json(exclude_none=True))
+        base_cards.write(model / kept.CARD, other, exclude_none=True)
         said = called("predict", model, folder, "--out", tmp_path / "out")
         (interval,) = json.loads((tmp_path / "out" / "summary.json").read_text())["interval"]
         assert interval in said.splitlines()

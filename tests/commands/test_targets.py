@@ -9,7 +9,7 @@ import pytest
 from builders import free_targets
 from scipy.stats import gmean
 
-from pipeline.base import processes
+from pipeline.base import cards, processes
 from pipeline.commands import targets
 from pipeline.commands.targets import Effort
 from pipeline.logs.formats import LOGS
@@ -153,7 +153,7 @@ def test_readings_outside_the_training_have_no_interval_or_set(
         assert table[name].isna().tolist() == outside.tolist()
     assert not table["predicted"].isna().any()
     del card["trained_on"]
-    (model / "target.json").write_text(json.dumps(card))
+    (model / "target.json").write_text(cards.sealed(json.dumps(card), "target.json"))
     _, _, table = predicted(moved)
     assert "outside_training" not in table and not table.isna().any(axis=None), "as a card of before"
 

@@ -13,7 +13,7 @@ from pipeline.inference import card as cards
 from pipeline.inference import channels, predictor, recordings
 
 N = 12_000
-SETTINGS = {"sensor": {"channels": 5}, "ingest": {"max_reject_fraction": 0.1, "rate_hz": 5.0, "max_gap_s": 1.0}}
+SETTINGS = live_models.SERIES | {"ingest": live_models.SERIES["ingest"] | {"max_gap_s": 1.0}}
 
 
 def bent(n: int, seed: int) -> np.ndarray:

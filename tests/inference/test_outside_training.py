@@ -10,6 +10,7 @@ from builders import live_models
 from builders.project import ROOT
 
 from pipeline import scenes
+from pipeline.base import cards as base_cards
 from pipeline.base import params, ranges
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
@@ -104,7 +105,7 @@ def test_a_card_of_before_has_intervals_and_tells_nothing(tmp_path):
     path = tmp_path / "model" / cards.NAME
     card = json.loads(path.read_text())
     assert card.pop("trained_on") is None
-    path.write_text(json.dumps(card))
+    path.write_text(base_cards.sealed(json.dumps(card), cards.NAME))
     model, readings = predictor.load(tmp_path / "model"), live_models.press(20) + 5000
     found = model.intervals(model.predict(readings), readings)
     assert intervals.OUTSIDE not in found and np.isfinite(found["force_low_n"][-1])

@@ -241,7 +241,7 @@ def test_types_that_were_not_named_are_not_loaded(tmp_path):
     model = tree()
     model.fit(part, part, seed=0)
     model.save(tmp_path)
-    with pytest.raises(InputError, match="no model of this kind .*Tree"):
+    with pytest.raises(InputError, match="not a model of this kind .*Tree"):
         tree().load(tmp_path)
     loaded = tree("sklearn.tree._tree.Tree")
     loaded.load(tmp_path)
