@@ -65,7 +65,7 @@ def logs(place: Path, experiment: str) -> list[Path]:
         if experiment == "glove" and place.name != pattern:
             raise InputError(f"{place}: a log of {experiment} is called {pattern}; name such a log, or its folder")
         return [place]
-    logs_ = sorted(place.rglob(pattern))
+    logs_ = sorted(files.finished(place.rglob(pattern)))
     if not logs_:
         raise InputError(f"{place}: no {pattern} in it or below; name a log of {experiment} or its folder")
     return logs_
