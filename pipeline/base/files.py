@@ -59,24 +59,67 @@ def replacing_folder(path: Path) -> Iterator[Path]:
     Of two processes that write to one place the folder of the later one stays, whole. Raises InputError where `path`
     cannot be a folder.
     """
+    path = path.resolve() if path.is_symlink() else path  # the link stays
     draft = _draft(path)
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: is a file, not a folder; give another place")
     draft.mkdir()
     try:
         yield draft
-        for place, _, names in os.walk(draft, topdown=False):
-            for one in (*names, ""):
-                _on_disk(Path(place, one))
-        _put(draft, path)
+        put_folder(draft, path)
     finally:
         remove_folder(draft, inside=path.parent)  # once it became `path`, it is the former folder
+
+
+@contextmanager
+def changing_folder(path: Path) -> Iterator[Path]:
+    """Give the block a new folder with what `path` holds, which becomes `path` where the block ends without an error.
+
+    Files of the former folder are linked, not copied: the block replaces them and writes in none. Raises InputError
+    where `path` cannot be a folder, or another process puts a file into it meanwhile.
+    """
+    with replacing_folder(path) as draft:
+        held = _held(path)
+        if path.is_dir():
+            shutil.copytree(path, draft, symlinks=True, copy_function=_linked, dirs_exist_ok=True)
+        yield draft
+        if _held(path) != held:
+            raise InputError(f"{path}: another process changed it meanwhile; run the command again")
+
+
+def finished(paths: Iterable[Path]) -> Iterator[Path]:
+    """Yield the paths that lie in no draft, such as one that a killed process has left among recordings."""
+    return (path for path in paths if not any(part.endswith(UNFINISHED) for part in path.parts))
+
+
+def _held(folder: Path) -> set[tuple[str, int]]:
+    """Return the path and number of every file below a folder; its number is another one once it was replaced."""
+    return {(str(path), path.lstat().st_ino) for path in folder.rglob("*") if not path.is_dir()}
+
+
+def _linked(source: str, target: str) -> None:
+    """Give a file a second name, or copy it where the file system has no such names."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
+def put_folder(draft: Path, path: Path) -> None:
+    """Give a whole folder the name `path`, at once; what had that name gets the draft's, or is removed."""
+    for place, _, names in os.walk(draft, topdown=False):
+        for one in (Path(place, name) for name in (*names, "")):
+            if not one.is_symlink() and (one.is_file() or one.is_dir()):
+                _on_disk(one)
+    _put(draft, path)
     _on_disk(path.parent)
 
 
 def _draft(path: Path) -> Path:
     """Return the place of this process's draft of a path, which is free, and remove the drafts of dead processes."""
     machine = f"-{platform.node()}{UNFINISHED}"
+    if path.name in ("", ".."):
+        raise InputError(f"{path}: is a folder that nothing can take the place of; give the name of a new one in it")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         draft = path.with_name(f"{path.name}.{os.getpid()}{machine}")

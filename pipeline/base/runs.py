@@ -135,9 +135,8 @@ def _folder(draft: Path, run: tuple[str, int]) -> Path:
 def _finish(draft: Path, target: Path, origin: str) -> None:
     """Make the complete draft of a model its folder."""
     files.write_text(draft / "runs" / ORIGIN, _mark(draft / "runs", origin))
-    files.remove_folder(target, inside=target.parent)
     target.parent.mkdir(parents=True, exist_ok=True)
-    (draft / "runs").rename(target)
+    files.put_folder(draft / "runs", target)
     files.remove_folder(draft, inside=draft.parent)
 
 

@@ -21,7 +21,7 @@ import pyarrow.compute as pc
 from scipy.optimize import linear_sum_assignment
 
 from pipeline import experiments
-from pipeline.base import arguments
+from pipeline.base import arguments, files
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import labels, schemas
@@ -952,7 +952,7 @@ def check_folder(folder: Path) -> None:
 
 def kinds_of(folder: Path) -> list[str]:
     """Return the experiments of which a folder holds logs, each in <folder>/<recording>/."""
-    return [experiment for experiment, log in LOGS.items() if next(folder.glob(f"*/*/{log}"), None)]
+    return [experiment for experiment, log in LOGS.items() if next(files.finished(folder.glob(f"*/*/{log}")), None)]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

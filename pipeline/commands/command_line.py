@@ -40,7 +40,6 @@ GROUPS = {  # heading of the help -> command -> its module
         "track": "track",
         "pack": "pack",
         "unpack": "unpack",
-        "bundle": "bundle",
     },
     "Maintain the scenes and models": {
         "fit-material": "fit_material",

@@ -100,16 +100,17 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             )
         limit, key = settings["ingest"]["max_reject_fraction"], f"{experiment}.ingest.max_reject_fraction"
         said = {name: _write(Path(draft, name), one, formats[name], limit, key) for name, one in found.items()}
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, one in found.items():  # all of them, or none
-            with files.replacing(folder / name) as target:
-                shutil.copyfile(Path(draft, name), target)
+        with files.changing_folder(folder) as target:  # all logs and what they are of, or nothing
+            for name in found:
+                (target / name).unlink(missing_ok=True)  # a name of the former log
+                shutil.copyfile(Path(draft, name), target / name)
+            _write_origin(target / ORIGIN, given.files, found)
+        for name, one in found.items():
             print(f"{folder / name}: {said[name]}")
             for sentence in one.proposal.said:
                 print(f"  {sentence}")
             for guess in one.proposal.guesses:
                 print(f"  guessed: {guess}")
-    _write_origin(folder / ORIGIN, given.files, found)
     if len(found) > 1 and len({one.table for one in found.values()}) == 1 and "clock" in settings["ingest"]:
         print(f"the logs have one time: write {experiment}.ingest.clock: shared into {sensor / own_settings.FILE}")
     print(f"next: `tactile check {sensor if folder.is_absolute() else folder.parent.parent}`")
@@ -153,7 +154,11 @@ def _assigned(ways: Mapping[str, list[Found]]) -> dict[str, Found]:
 
 def _gains_beside(sensor: Path, folder: Path, name: str) -> dict[Path, dict]:
     """Return origin.yaml -> scale and offset of a log in the other recordings of a sensor that were imported."""
-    others = (path for path in sorted(sensor.glob(f"*/*/{ORIGIN}")) if path.parent.absolute() != folder.absolute())
+    others = (
+        path
+        for path in sorted(files.finished(sensor.glob(f"*/*/{ORIGIN}")))
+        if path.parent.absolute() != folder.absolute()
+    )
     blocks = ((path, own_logs.imported(path.parent).get(name)) for path in others)
     return {path: own_logs.gain(block) for path, block in blocks if block is not None}
 

@@ -117,7 +117,7 @@ def name_of(checkout: Workspace, folder: Path) -> str:
     if not parts:
         raise InputError(f"{folder}: holds the folders of sensors; move its logs into one, such as data/own/finger")
     outer = [around for around in list(folder.parents)[: len(parts) - 1] if check.kinds_of(around)]
-    logs = [log for name in LOGS.values() for log in folder.rglob(name)]
+    logs = [log for name in LOGS.values() for log in files.finished(folder.rglob(name))]
     inner = sorted(log.parents[2] for log in logs if len(log.relative_to(folder).parts) > 3)
     reports = checkout.reports.joinpath("own", *parts)
     inner += sorted(path for path in reports.glob("*") if path.is_dir())
@@ -146,11 +146,11 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
         of = sources.sensors(experiment, name, folder, values[experiment])
         sheet.write(draft, "sheet", [quantities.sheet(sensor) for sensor in of])
     trained = workspace.root / TRAINED
-    shutil.rmtree(trained, ignore_errors=True)
-    for model in values[experiment]["models"]:
-        if model != "constant":
-            package = [f"{experiment}/{model}", str(trained / model)]
-            modules.run(workspace.root, "pipeline.commands.command_line", "export", *package, quiet=True)
+    with files.replacing_folder(trained) as draft:
+        for model in values[experiment]["models"]:
+            if model != "constant":
+                package = [f"{experiment}/{model}", str((draft / model).absolute())]
+                modules.run(workspace.root, "pipeline.commands.command_line", "export", *package, quiet=True)
     print(f"\n{target}/README.md: what they score; sheet.md beside it: what the sensor itself is worth")
     names = ", ".join(sorted(path.name for path in trained.glob("*")))
     print(f"{trained}: {names}, for `tactile predict MODEL LOGS`")

@@ -59,7 +59,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     card = model.card
     print(f"{card.experiment}/{card.model}: {comes_from}")
     place, logs, target = _asked(given, card.experiment, predictions.model_of(card))
-    predicted, scored, notes, unread, unscored = [], [], [], [], []
+    names, summaries, notes, unread, unscored = [], [], [], [], []
     beside = Beside(workspace, card.experiment, f"{card.experiment}/{card.model}", card.reading)
 
     def opened(path: Path, name: str) -> tuple[recordings.Recording, predictor.Predictor]:
@@ -67,20 +67,20 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         of_log = model.read_as(beside.of_log(path))
         return recordings.read(path, name, of_log.card), of_log
 
-    for recording, of_log in _each(logs, opened, unread):
-        of_recording = recordings.predict(model, recording)
-        predicted.append((recording, of_recording))
-        notes += [f"{recording.name}: {sentence}" for sentence in of_recording.notes]
-        scored.append(_scored(recording.name, unscored, recordings.scored, of_log, recording))
-    notes = beside.said + notes
-    print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
     with files.replacing_folder(target) as draft:
-        summaries = predictions.write(draft, place, predicted, card, scored)
+        with predictions.writing(draft, place, card) as write:
+            for recording, of_log in _each(logs, opened, unread):
+                predicted = recordings.predict(model, recording)
+                scored = _scored(recording.name, unscored, recordings.scored, of_log, recording)
+                summaries.append(write(recording, predicted, scored))
+                notes += [f"{recording.name}: {sentence}" for sentence in predicted.notes]
+                names.append(recording.name)
+                if not given.no_pictures and len(names) <= MOST_PICTURES:
+                    _draw(draft, recording, predicted.values, predictions.file_names(names)[-1], card)
+        notes = beside.said + notes
+        print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
         _print(draft, summaries, intervals.sentences(card))
-        if not given.no_pictures:
-            drawn = [recording.name for recording, _ in predicted]
-            _draw(draft, predicted[:MOST_PICTURES], predictions.file_names(drawn), card)
-    if len(predicted) > MOST_PICTURES and not given.no_pictures:
+    if len(names) > MOST_PICTURES and not given.no_pictures:
         print(f"the first {MOST_PICTURES} recordings are drawn")
     print(f"written to {target}")
     _end(given, target, logs, unread, unscored)
@@ -112,7 +112,7 @@ def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
         return kept.table(name, log, predicted, card)
 
     with files.replacing_folder(target) as draft:
-        schemas.write(draft / "predictions.parquet", kept.schema(card), _each(logs, table, unread))
+        schemas.write(draft / predictions.TABLE, kept.schema(card), _each(logs, table, unread))
         unknown = kept.UNKNOWN if card.logs is None else ""
         predictions.write_summary(draft, who, place, [kept.interval(card)], summaries, unknown)
         notes = beside.said + [f"{said['recording']}: {words}" for said in summaries for words in said.get("notes", ())]
@@ -197,18 +197,15 @@ def _asked(given: argparse.Namespace, experiment: str, model: Mapping) -> tuple[
     return place, dict(zip(names, logs, strict=True)), target
 
 
-def _draw(folder: Path, predicted: list, names: list[str], card) -> None:
-    """Draw every recording that has a prediction; names: of the files of all recordings, without suffix."""
+def _draw(folder: Path, recording, values, name: str, card) -> None:
+    """Draw a recording where it has a prediction; name: of the files, without suffix."""
     from pipeline.inference import pictures
 
-    drawn = zip(tqdm(predicted, desc="draw", unit="recording"), names, strict=False)
-    for (recording, of_recording), name in drawn:
-        values = of_recording.values
-        if not len(values) or (values != values).all():
-            continue
-        pictures.draw(folder / f"{name}.png", recording, values, card)
-        if card.outputs.touch_kpa is not None:
-            pictures.animate(folder / f"{name}.gif", recording, values, card)
+    if not len(values) or (values != values).all():
+        return
+    pictures.draw(folder / f"{name}.png", recording, values, card)
+    if card.outputs.touch_kpa is not None:
+        pictures.animate(folder / f"{name}.gif", recording, values, card)
 
 
 def outside(said: Mapping) -> list[str]:

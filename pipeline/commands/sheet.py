@@ -37,8 +37,9 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     values = params.load(workspace.params)
     sheets = [quantities.sheet(sensor) for source in given.source for sensor in sensors(workspace, values, source)]
     if given.out:
-        write(given.out, "README", sheets)
-        files.write_text(given.out / "sheet.json", text.as_json(sheets) + "\n")
+        with files.changing_folder(given.out) as draft:
+            write(draft, "README", sheets)
+            files.write_text(draft / "sheet.json", text.as_json(sheets) + "\n")
     if given.figure:
         figure.draw(given.figure, sheets)
     if not given.out:
@@ -48,6 +49,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
 def write(folder: Path, name: str, sheets: Sequence[Sheet]) -> None:
     """Write sheets to <name>.md in a folder, with their picture sheet.png where there is something to draw."""
     picture = "sheet.png" if any(not sheet.given.untold for sheet in sheets) else ""
+    (folder / "sheet.png").unlink(missing_ok=True)  # of a former sheet
     if picture:
         figure.draw(folder / picture, sheets)
     files.write_text(folder / f"{name}.md", text.markdown(sheets, picture))

@@ -1,25 +1,47 @@
 """Take the shards that run.py of a pack has computed on another machine into the evidence.
 
-Each is checked against the digest that it was indexed with. DVC takes them for shards of the present code: where that
-differs from the commit that they are of, a line says so.
+Nothing in the folder is believed: what is needed of it is copied, and the copies are checked before any is put in its
+place. Names, commits and digests must have their form, shards and models be those of this checkout, tables have the
+columns that it writes, and numbers be finite; links are not followed. Digests tell damage, not who computed a number:
+take shards of people whom you trust. DVC takes them for shards of the present code: where that differs from the commit
+that they are of, a line says so.
 """
 
 import argparse
+import csv
+import math
+import os
+import re
 import shutil
+import stat
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from pipeline.base import files
+from pipeline.base import files, foreign, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import evidence, pack
 from pipeline.scoring import shards
+from pipeline.scoring.claim_inputs import COLUMNS, DATA
 from pipeline.scoring.shards import Shard
 from pipeline.settings.shards import ShardSet
+
+CURVES = ["model", "protocol", "seed", "epoch", "train_loss", "validation_loss"]
+LARGEST = 16 << 20  # bytes of a table; the largest of the evidence has 0.3 MB
+COPY = "copy it again from the machine that computed it, or ask who gave it to you"
+TEXT, COUNT, NUMBER = r"[\w ().,+:@%/-]{0,500}", r"\d{1,18}", r"-?\d{1,30}(\.\d{1,30})?([eE][+-]?\d{1,2})?"
+SECONDS = r"\d{1,9}(\.\d{1,9})?"  # below 32 years
+DIGEST = r"[0-9a-f]{64}"
+FORMS = {  # of the columns of tables; a number may be missing, as of a training that failed
+    "sha256": DIGEST, "data_sha256": f"({DIGEST})?", "commit": r"[0-9a-f]{40}", "core_s": r"\d{1,9}",
+    "train_s": SECONDS, "epochs": COUNT, "epoch": COUNT, "seed": f"({COUNT})?", "n": f"({COUNT})?",
+    "train_loss": f"({NUMBER})?", "validation_loss": f"({NUMBER})?", "value": f"({NUMBER}|nan)?",
+}  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,25 +72,178 @@ def outputs(workspace: Workspace) -> dict[str, list[Path]]:
         return {stage.name: [Path(out.def_path).relative_to("evidence") for out in stage.outs] for stage in stages}
 
 
-def named(workspace: Workspace, folder: Path, sets: Mapping[str, ShardSet]) -> list[tuple[Shard, dict]]:
+def copied(folder: Path, name: Path | str, draft: Path) -> Path:
+    """Copy a file of a stranger's folder to the same place below `draft`, and return the copy.
+
+    Raises InputError where it is missing, is too large, is no file, or is reached by a link.
+    """
+    place, target = folder / name, draft / name
+    for path in (place, *place.parents[: len(Path(name).parts) - 1]):
+        if path.is_symlink():
+            raise InputError(f"{path}: is a link, which may lead anywhere; {COPY}")
+    with foreign.reading(place, "a file of shards", COPY):
+        if not stat.S_ISREG(place.stat().st_mode):
+            raise InputError(f"{place}: is no file; {COPY}")
+        if place.stat().st_size > LARGEST:
+            raise InputError(f"{place}: has more than {LARGEST} bytes, and no table has as many; {COPY}")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        opened = os.open(place, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+        with open(opened, "rb") as source:
+            content = source.read(LARGEST + 1)
+        if len(content) > LARGEST:
+            raise InputError(f"{place}: grows while it is read; {COPY}")
+        target.write_bytes(content)
+    return target
+
+
+def rows_of(copy: Path, shown: Path, columns: Sequence[str] | None) -> list[dict[str, str]]:
+    """Return the rows of a stranger's table as text, each of the form in FORMS or TEXT.
+
+    shown: the path that a message names; columns: those that it must have, None: any. Raises InputError that names the
+    line.
+    """
+    with foreign.reading(shown, "a table of shards", COPY):
+        lines = list(csv.reader(copy.read_text(encoding="utf-8").splitlines(), strict=True))
+    header = lines[0] if lines else []
+    wrong = len(set(header)) != len(header) or not all(re.fullmatch(TEXT, name, re.ASCII) for name in header)
+    if not header or wrong or (columns is not None and header != list(columns)):
+        wanted = f"are not {','.join(columns)}" if columns else "are missing, doubled or no names"
+        raise InputError(f"{shown}: its columns {wanted}; {COPY}")
+    found = []
+    for number, line in enumerate(lines[1:], start=2):
+        if len(line) != len(header):
+            raise InputError(f"{shown}, line {number}: {len(line)} values in {len(header)} columns; {COPY}")
+        row = dict(zip(header, line, strict=True))
+        for name, value in row.items():
+            if not re.fullmatch(FORMS.get(name, TEXT), value, re.ASCII) or _endless(value):
+                raise InputError(f"{shown}, line {number}: {name} is {_quoted(value)}, which it cannot be; {COPY}")
+        found.append(row)
+    return found
+
+
+def _endless(value: str) -> bool:
+    """Is it a number beyond all others?"""
+    try:
+        return math.isinf(float(value))
+    except ValueError:
+        return False
+
+
+def _quoted(value: str) -> str:
+    """Return the start of a stranger's text, without characters that a terminal obeys."""
+    return ascii(value[: foreign.QUOTED])
+
+
+def only(shown: Path, rows: Sequence[Mapping[str, str]], name: str, known: Collection[str]) -> None:
+    """Raise InputError where a column of a stranger's table has a value that is none of `known`."""
+    for number, row in enumerate(rows, start=2):
+        if row[name] not in known:
+            listed = ", ".join(sorted(known)[:5])
+            said = f"{name} is {_quoted(row[name])}, and this checkout has {listed or 'none'}"
+            raise InputError(f"{shown}, line {number}: {said}; {COPY}")
+
+
+def named(workspace: Workspace, folder: Path, draft: Path, sets: Mapping[str, ShardSet]) -> list[tuple[Shard, dict]]:
     """Return (shard, its line of the index) of all in a folder. InputError for one that is not of this checkout."""
     known = {shard.name: shard for shard in shards.shards(sets)}
-    lines = shards.table(folder / "index.csv", shards.INDEX).to_dict("records")
-    for line in lines:
-        if line["shard"] not in known:
-            raise InputError(f"{folder / 'index.csv'}: evidence/shards.yaml has no shard {line['shard']}")
+    shown = folder / "index.csv"
+    lines, found = rows_of(copied(folder, "index.csv", draft), shown, shards.INDEX), {}
+    for number, line in enumerate(lines, start=2):
+        name = line["shard"]
+        if name not in known:
+            raise InputError(f"{shown}, line {number}: evidence/shards.yaml has no shard {_quoted(name)}; {COPY}")
+        shard, each = known[name], sets[known[name].set]
+        must = {
+            "experiment": each.experiment, "seed": str(shard.seed), "budget": shard.budget,
+            "protocol": shards.STUDY if each.study else "+".join(each.protocols),
+        }  # fmt: skip
+        for column, value in must.items():
+            if line[column] != value:
+                raise InputError(
+                    f"{shown}, line {number}: {column} of {name} is {_quoted(line[column])}, in this checkout '{value}'"
+                )
+        if bool(line["data_sha256"]) == each.own_data:
+            raise InputError(f"{shown}, line {number}: data_sha256 of {name} is {_quoted(line['data_sha256'])}; {COPY}")
+        if name in found:
+            raise InputError(f"{shown}, line {number}: {name} is listed twice; {COPY}")
+        found[name] = (shard, line)
     for commit in dict.fromkeys(line["commit"] for line in lines):
         check_commit(workspace, commit)
-    return [(known[line["shard"]], line) for line in lines]
+    return list(found.values())
 
 
-def check_files(folder: Path, shard: Shard, kept: Sequence[Path], digest: str) -> None:
-    """Raise InputError where the files of a shard are not those that its line of the index tells of."""
-    for path in kept:
-        if not (folder / path).is_file():
-            raise InputError(f"{folder / path}: not there, though index.csv tells of {shard.name}; copy it again")
-    if shards.digest(folder / path for path in kept) != digest:
+def check_files(
+    workspace: Workspace, folder: Path, draft: Path, sets: Mapping[str, ShardSet], shard: Shard, kept: Sequence[Path],
+    digest: str,
+) -> list[Path]:  # fmt: skip
+    """Copy the files of a shard to `draft`, and return their paths in it, with the curves where there are some.
+
+    Raises InputError where they are not those that its line of the index tells of, or not tables of this repository.
+    """
+    each, of_experiment = sets[shard.set], params.read(workspace.params)[sets[shard.set].experiment]
+    models = {*(each.models or of_experiment["models"]), DATA}
+    copies = [copied(folder, path, draft) for path in kept]
+    if shards.digest(copies) != digest:
         raise InputError(f"{folder / kept[0]}: not the file that index.csv beside it tells of; copy it again")
+    for path, copy in zip(kept, copies, strict=True):
+        if each.study:
+            _check_study(workspace, folder / path, copy, shard, each, of_experiment)
+            continue
+        rows = rows_of(copy, folder / path, COLUMNS)
+        for name, known in {
+            "experiment": {each.experiment}, "protocol": set(each.protocols), "model": models,
+            "budget": {"", shard.budget},
+        }.items():  # fmt: skip
+            only(folder / path, rows, name, known)
+        if not rows:
+            raise InputError(f"{folder / path}: has no row; {COPY}")
+    curves = Path("curves") / f"{shard.name}.csv"
+    if each.study or not os.path.lexists(folder / curves):
+        return list(kept)
+    rows = rows_of(copied(folder, curves, draft), folder / curves, CURVES)
+    for name, known in {"model": models, "protocol": set(each.protocols), "seed": {str(shard.seed)}}.items():
+        only(folder / curves, rows, name, known)
+    return [*kept, curves]
+
+
+def _check_study(
+    workspace: Workspace, shown: Path, copy: Path, shard: Shard, each: ShardSet, settings: Mapping
+) -> None:
+    """Raise InputError where a table of a study is not as those of other seeds, or is of another seed."""
+    stem = copy.stem.removesuffix(f"-{shard.seed}")
+    others = sorted((shards.folder(workspace) / "studies" / each.experiment).glob(f"{stem}-*.csv"))
+    columns = None
+    if others:
+        with open(others[0], encoding="utf-8") as file:
+            columns = next(csv.reader(file), None)
+    rows = rows_of(copy, shown, columns)
+    if not rows:
+        raise InputError(f"{shown}: has no row; {COPY}")
+    known = {"experiment": {each.experiment}, "seed": {str(shard.seed)}, "model": {*settings["models"], DATA}}
+    for name in known.keys() & rows[0].keys():
+        only(shown, rows, name, known[name])
+
+
+def times_of(
+    workspace: Workspace, folder: Path, draft: Path, sets: Mapping[str, ShardSet]
+) -> dict[str, list[dict[str, str]]]:
+    """Return shard -> its lines of times.csv, which a folder of studies lacks. InputError for a wrong one."""
+    shown, found = folder / "times.csv", {}
+    if not os.path.lexists(shown):
+        return found
+    known = {shard.name: shard for shard in shards.shards(sets) if not sets[shard.set].study}
+    rows = rows_of(copied(folder, "times.csv", draft), shown, shards.TIMES)
+    only(shown, rows, "shard", known)
+    every = params.read(workspace.params)
+    for number, row in enumerate(rows, start=2):
+        shard = known[row["shard"]]
+        each = sets[shard.set]
+        models = each.models or every[each.experiment]["models"]
+        if row["model"] not in models or row["protocol"] not in each.protocols or row["seed"] != str(shard.seed):
+            said = _quoted(f"{row['model']}, {row['protocol']}, {row['seed']}")
+            raise InputError(f"{shown}, line {number}: {shard.name} has no training {said}; {COPY}")
+        found.setdefault(shard.name, []).append(row)
+    return found
 
 
 def say_other_data(index: pd.DataFrame, sets: Mapping[str, ShardSet], shard: Shard, line: Mapping) -> None:
@@ -86,15 +261,14 @@ def say_other_data(index: pd.DataFrame, sets: Mapping[str, ShardSet], shard: Sha
         )
 
 
-def take(workspace: Workspace, folder: Path, shard: Shard, kept: Sequence[Path]) -> None:
-    """Copy the files of one shard, and put the times of its trainings into the table."""
-    here, curves = shards.folder(workspace), Path("curves") / f"{shard.name}.csv"
-    for path in [*kept, *([curves] if (folder / curves).is_file() else [])]:
-        with files.replacing(here / path) as draft:
-            shutil.copyfile(folder / path, draft)
-    times = shards.table(folder / "times.csv", shards.TIMES)
-    if len(rows := times[times["shard"] == shard.name].to_dict("records")):
-        shards.upsert(here / "times.csv", shards.TIMES, shard.name, rows)
+def take(workspace: Workspace, draft: Path, shard: Shard, checked: Sequence[Path], times: Sequence[dict]) -> None:
+    """Put the checked copies of one shard's files in their place, and the times of its trainings into the table."""
+    here = shards.folder(workspace)
+    for path in checked:
+        with files.replacing(here / path) as target:
+            shutil.copyfile(draft / path, target)
+    if times:
+        shards.upsert(here / "times.csv", shards.TIMES, shard.name, list(times))
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
@@ -103,15 +277,22 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         raise InputError(f"{given.folder}: no index.csv in it; name the folder that run.py wrote, its --out")
     sets, index = shards.read_sets(workspace), shards.folder(workspace) / "index.csv"
     there = shards.table(index, shards.INDEX)
-    lines, found = there.to_dict("records"), named(workspace, given.folder, sets)
-    if new := [(shard, line) for shard, line in found if line not in lines]:
-        kept = outputs(workspace)
-        for shard, line in new:
-            check_files(given.folder, shard, kept[evidence.stage(shard)], line["sha256"])
-        for shard, line in new:
-            say_other_data(there, sets, shard, line)
-            take(workspace, given.folder, shard, kept[evidence.stage(shard)])
-            print(f"{shard.name}: {line['machine']}, {line['core_s']} core-seconds")
+    lines = there.to_dict("records")
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder)
+        found = named(workspace, given.folder, draft, sets)
+        times = times_of(workspace, given.folder, draft, sets)
+        if new := [(shard, line) for shard, line in found if line not in lines]:
+            kept = outputs(workspace)
+            checked = [
+                check_files(workspace, given.folder, draft, sets, shard, kept[evidence.stage(shard)], line["sha256"])
+                for shard, line in new
+            ]
+            for (shard, line), paths in zip(new, checked, strict=True):
+                say_other_data(there, sets, shard, line)
+                take(workspace, draft, shard, paths, times.get(shard.name, ()))
+                print(f"{shard.name}: {line['machine']}, {line['core_s']} core-seconds")
+    if new:
         targets = [f"{evidence.FILE}:{evidence.stage(shard)}" for shard, _ in new]
         command = [sys.executable, "-m", "dvc", "commit", "--quiet", "--force", *targets]
         done = subprocess.run(command, cwd=workspace.root, capture_output=True, text=True)

@@ -100,7 +100,7 @@ def hardest(force: np.ndarray, apart: int) -> np.ndarray:
 def animate(path: Path, recording: Recording, maps: np.ndarray, card: Card) -> None:
     """Write a GIF of readings and maps side by side, around the hardest moment, at the speed of the recording."""
     known = np.flatnonzero(~np.isnan(maps).any(axis=(1, 2)))
-    force = touches.force_n(maps[known], card)
+    force = touches.force_n(maps, card)[known]
     middle = recording.t_s[known[force.argmax()]]
     first = max(recording.t_s[known[0]], min(middle - LONGEST_S / 2, recording.t_s[known[-1]] - LONGEST_S))
     times = np.arange(first, min(first + LONGEST_S, recording.t_s[known[-1]]) + 1e-9, 1 / FRAMES_PER_S)

@@ -1,10 +1,11 @@
-"""Write what a model predicted for recordings: a table, a summary, a picture, and of maps an animation."""
+"""Write what a model predicted for recordings: a table and a summary."""
 
 import itertools
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from pipeline.inference import intervals, recordings, touches
 from pipeline.inference.card import Card
 from pipeline.inference.recordings import Predicted, Recording
 
-SUMMARY = "summary.json"
+TABLE, SUMMARY = "predictions.parquet", "summary.json"
 LONGEST = 120  # characters of the name of a file: systems take 255 bytes
 
 
@@ -70,7 +71,8 @@ def summary(recording: Recording, of_recording: Predicted, card: Card, scored: M
     any. scored: as of `recordings.scored`.
     """
     predicted, outside = of_recording.values, of_recording.outside
-    known = ~np.isnan(predicted.reshape(len(predicted), -1)).any(axis=1)
+    flat = predicted.reshape(len(predicted), -1)
+    known = np.concatenate([np.zeros(0, bool), *(~np.isnan(part).any(axis=1) for part in _parts(flat))])
     steps = schemas.steps(recording.t_s)
     lasts = float(steps.sum())
     said = {
@@ -84,7 +86,7 @@ def summary(recording: Recording, of_recording: Predicted, card: Card, scored: M
         "without_prediction": int((~known).sum()),
     }
     if known.any():
-        said |= _range(predicted[known], card)
+        said |= _range(predicted, known, card)
     if card.trained_on is not None:
         lacking = "set" if card.kind == "images" else "interval"
         by_range = outside  # a sentence on ranges counts no reading that is outside for want of a measurement
@@ -97,22 +99,30 @@ def summary(recording: Recording, of_recording: Predicted, card: Card, scored: M
     return said | scored
 
 
-def _range(predicted: np.ndarray, card: Card) -> dict:
-    """Return the figures that sum up the predictions of one recording, all of them known."""
+def _parts(values: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield some rows at a time: what is computed of a map takes several times its memory."""
+    return (values[first : first + schemas.GROUP_ROWS] for first in range(0, len(values), schemas.GROUP_ROWS))
+
+
+def _range(predicted: np.ndarray, known: np.ndarray, card: Card) -> dict:
+    """Return the figures that sum up the predictions (n, *output_shape) of one recording that are known, (n,) bool."""
     if card.kind == "series":
         return {
             name: {"least": float(values.min()), "most": float(values.max())}
-            for name, values in zip(card.outputs.names, predicted.T, strict=True)
+            for name, values in zip(card.outputs.names, predicted[known].T, strict=True)
         }
     if card.kind == "images":
+        predicted = predicted[known]
         best = Counter(card.outputs.names[k] for k in predicted.argmax(axis=1))
         return {"objects": dict(best.most_common()), "mean_probability": float(predicted.max(axis=1).mean())}
+    parts = [part[inside] for part, inside in zip(_parts(predicted), _parts(known), strict=True) if inside.any()]
+    highest = float(max(part.max() for part in parts))
     if card.outputs.touch_kpa is None:
-        return {"highest_force_n": float(predicted.max())}
-    counts = np.array([len(of_map) for of_map in touches.touches(predicted, card)])
+        return {"highest_force_n": highest}
+    counts = np.concatenate([[len(of_map) for of_map in touches.touches(part, card)] for part in parts])
     return {
-        "highest_pressure_kpa": float(predicted.max()),
-        "highest_force_n": float(touches.force_n(predicted, card).max()),
+        "highest_pressure_kpa": highest,
+        "highest_force_n": float(max(touches.force_n(part, card).max() for part in parts)),
         "share_of_readings_by_touches": {str(k): float((counts == k).mean()) for k in np.unique(counts)},
     }
 
@@ -129,7 +139,7 @@ def file_names(names: Iterable[str]) -> list[str]:
 
 
 def read_summary(folder: Path) -> dict:
-    """Return summary.json of a folder of predictions, as `write` wrote it."""
+    """Return summary.json of a folder of predictions."""
     return json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
 
 
@@ -152,25 +162,24 @@ def model_of(card: Card) -> dict:
     return {"experiment": card.experiment, "model": card.model, "protocol": card.protocol, "seed": card.seed}
 
 
-def write(
-    folder: Path,
-    logs: Path,
-    predicted: Sequence[tuple[Recording, Predicted]],
-    card: Card,
-    scored: Sequence[Mapping],
-) -> list[dict]:
-    """Write predictions.parquet and summary.json to a folder; return the summaries, one per recording.
+@contextmanager
+def writing(folder: Path, logs: Path, card: Card) -> Iterator[Callable[[Recording, Predicted, Mapping], dict]]:
+    """Give the block a function that writes what one more recording came to, and returns its summary.
 
-    logs: the absolute path of LOGS; scored: as of `summary`, one entry per recording.
+    It takes the recording, its predictions, and its scores as of `summary`, and keeps nothing of them: of an hour, maps
+    take 0.3 GB. The folder then has predictions.parquet and summary.json. logs: the absolute path of LOGS.
     """
-    parts = (part for recording, of_recording in predicted for part in rows(recording, of_recording, card))
-    schemas.write(folder / "predictions.parquet", schema(card), parts)
-    said = [
-        summary(recording, of_recording, card, of_scores)
-        for (recording, of_recording), of_scores in zip(predicted, scored, strict=True)
-    ]
+    said = []
+    with schemas.writing(folder / TABLE, schema(card)) as write_part:
+
+        def add(recording: Recording, predicted: Predicted, scored: Mapping) -> dict:
+            for part in rows(recording, predicted, card):
+                write_part(part)
+            said.append(summary(recording, predicted, card, scored))
+            return said[-1]
+
+        yield add
     write_summary(folder, model_of(card), logs, intervals.sentences(card), said, recordings.unknown(card))
-    return said
 
 
 def write_summary(

@@ -182,7 +182,10 @@ class Predictor:
         missing = -len(x) % streams
         padded = np.concatenate([x, np.repeat(x[-1:], missing, axis=0)]).reshape(-1, streams, x.shape[1])
         self.model.state = None
-        predicted = np.concatenate([self.model.step(frames) for frames in padded])[: len(x)]
+        predicted = np.empty((*padded.shape[:2], int(np.prod(self.output_shape))), np.float32)  # filled at once
+        for each, frames in zip(predicted, padded, strict=True):
+            each[:] = self.model.step(frames)
+        predicted = predicted.reshape(-1, predicted.shape[2])[: len(x)]
         self.model.state = None
         predicted[: self.card.reach(frame_step)] = np.nan
         return predicted

@@ -65,7 +65,7 @@ def logs(place: Path, experiment: str) -> list[Path]:
         if experiment == "glove" and place.name != pattern:
             raise InputError(f"{place}: a log of {experiment} is called {pattern}; name such a log, or its folder")
         return [place]
-    logs_ = sorted(place.rglob(pattern))
+    logs_ = sorted(files.finished(place.rglob(pattern)))
     if not logs_:
         raise InputError(f"{place}: no {pattern} in it or below; name a log of {experiment} or its folder")
     return logs_
@@ -213,19 +213,20 @@ def predict(model: Predictor, recording: Recording) -> Predicted:
     lost = np.maximum(0, np.round(np.diff(t_s, prepend=t_s[0]) / interval_s).astype(int) - 1)
     begins = (np.diff(segment, prepend=segment[0]) != 0) | (lost > timing.most_filled(step))
     lost[begins] = 0
-    predicted, outside = np.empty((len(x), *model.output_shape), np.float32), np.empty(len(x), bool)
+    parts, outside = [], np.empty(len(x), bool)
     edges, longest = [0, *np.flatnonzero(begins), len(x)], 0
     for first, last in itertools.pairwise(edges):
         place = np.arange(last - first) + np.cumsum(lost[first:last])  # of the readings, with the lost ones in between
         every = np.arange(place[-1] + 1)
         longest = max(longest, len(every))
         whole = np.column_stack([np.interp(every, place, column) for column in x[first:last].T])
-        predicted[first:last] = model.predict(whole, step)[place]
+        predicted = model.predict(whole, step)
+        parts.append(predicted[place] if len(place) < len(every) else predicted)
         beside = np.interp(every, place, none[first:last]) > 0  # also a lost reading beside one that is none
         outside[first:last] = model.outside(whole, step, beside)[place]
     notes = timing.differences(model.card, interval_s, interval_s)
     notes += [too_short(model.card, step, longest)] if longest <= model.card.reach(step) else []
-    return Predicted(predicted, outside, [*recording.notes, *notes])
+    return Predicted(parts[0] if len(parts) == 1 else np.concatenate(parts), outside, [*recording.notes, *notes])
 
 
 def too_short(card: Card, step: int, longest: int) -> str:

@@ -23,6 +23,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from pipeline.base.errors import InputError
+from pipeline.base.files import UNFINISHED
 from pipeline.base.params import file_of
 from pipeline.logs import layout as layouts
 from pipeline.logs import packets, units
@@ -407,7 +408,7 @@ def folders(source: Path, pattern: str) -> list[Path]:
     return [path for path in found if not any(_LITTER.match(name) for name in path.relative_to(source).parts)]
 
 
-_LITTER = re.compile(r"\.(?!\.)|__MACOSX$")  # hidden folders, such as .ipynb_checkpoints
+_LITTER = re.compile(rf"\.(?!\.)|__MACOSX$|.*{re.escape(UNFINISHED)}$")  # hidden folders, such as .ipynb_checkpoints
 
 
 def check_names(recordings: Iterable[Path]) -> None:

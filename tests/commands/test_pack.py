@@ -385,14 +385,16 @@ def test_a_shard_is_packed_computed_elsewhere_and_taken_back(project, take, tmp_
     assert set(pd.read_csv(project.folder / "evidence" / "times.csv")["model"]) == {"constant", "lstm_direct"}
 
 
-def write_shard(folder, name, experiment, tables, **line):
-    """Write a shard as run.py leaves it, with its line of the index."""
+def write_shard(folder, name, experiment, tables, protocol="study", **line):
+    """Write a shard of the committed evidence as run.py leaves it, with its line of the index."""
     paths = [folder / table for table in tables]
-    for path in paths:
-        files.write_text(path, f"written for {path.name}\n")
+    for path, table in zip(paths, tables, strict=True):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / "evidence" / table, path)
+    _, seed, budget = name.rsplit("-", 2)
     line = {"shard": name, "experiment": experiment, "sha256": shards.digest(paths), "machine": "A card", **line}
+    line |= {"protocol": protocol, "seed": seed, "budget": budget, "core_s": 7}
     shards.upsert(folder / "index.csv", shards.INDEX, name, [line])
-    shards.upsert(folder / "times.csv", shards.TIMES, name, [{"shard": name, "model": "rnn"}])
 
 
 LATENT = [f"studies/strain/{name}-1.csv" for name in ("bases", "capacity", "drift", "latents", "samples", "strands")]
@@ -402,9 +404,10 @@ LATENT = [f"studies/strain/{name}-1.csv" for name in ("bases", "capacity", "drif
 def test_what_is_taken_is_as_indexed_and_of_this_checkout(project, take, tmp_path):
     out, evidence = tmp_path / "out", project.folder / "evidence"
     head = git(project, "rev-parse", "HEAD")
-    write_shard(out, "latent_strain-1-full", "strain", LATENT, commit=head, data_sha256="b")
+    write_shard(out, "latent_strain-1-full", "strain", LATENT, commit=head, data_sha256="b" * 64)
     result = "results/glove_session-0-full.csv"
-    write_shard(out, "glove_session-0-full", "glove", [result], commit=head, data_sha256="c")
+    of_glove = "+".join(f"session_{name}" for name in ("pressure", "strain", "combined"))
+    write_shard(out, "glove_session-0-full", "glove", [result], of_glove, commit=head, data_sha256="c" * 64)
     files.write_text(out / "results" / "glove_session-1-half.csv", "killed before it was indexed")
     line = {"shard": "input_frames_glove-0-full", "data_sha256": "a"}
     shards.upsert(evidence / "index.csv", shards.INDEX, line["shard"], [line])
@@ -427,14 +430,15 @@ def test_what_is_taken_is_as_indexed_and_of_this_checkout(project, take, tmp_pat
     shutil.rmtree(out)
     with pytest.raises(InputError, match="no index.csv in it"):
         take(out)
-    write_shard(out, "strain-7-half", "strain", ["results/strain-7-half.csv"], commit=head)
-    with pytest.raises(InputError, match="evidence/shards.yaml has no shard strain-7-half"):
+    write_shard(out, "strain-1-half", "strain", ["results/strain-1-half.csv"], commit=head, data_sha256="d" * 64)
+    with pytest.raises(InputError, match="evidence/shards.yaml has no shard 'strain-1-half'"):
         take(out)
     shutil.rmtree(out)
     git(project, "checkout", "-q", "-b", "side")
     elsewhere = commit(project, "elsewhere")
     git(project, "checkout", "-q", "-")
-    write_shard(out, "strain-0-full", "strain", ["results/strain-0-full.csv"], commit=elsewhere)
+    result = "results/strain-0-full.csv"
+    write_shard(out, "strain-0-full", "strain", [result], "task_1", commit=elsewhere, data_sha256="d" * 64)
     with pytest.raises(InputError, match=f"of commit {elsewhere}, from which this checkout does not come"):
         take(out)
     assert not (evidence / "results" / "strain-0-full.csv").exists()

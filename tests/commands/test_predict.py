@@ -4,8 +4,10 @@ import bz2
 import gzip
 import json
 import shutil
+import weakref
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from builders import free_targets, live_models, own_logs
@@ -15,6 +17,7 @@ from pipeline.base import arguments, files, params
 from pipeline.base import cards as base_cards
 from pipeline.commands import targets
 from pipeline.commands.targets import Effort
+from pipeline.datasets import schemas
 from pipeline.inference import card as cards
 from pipeline.inference import predictor, recordings
 from pipeline.targets import kept
@@ -179,6 +182,36 @@ def test_pretrained_models_say_that_they_were_trained_on_simulated_logs():
     for path in ROOT.glob(f"pretrained/*/*/{cards.NAME}"):
         card = cards.read(path.parent)
         assert card.source == "simulated" and card.logs is None and "simulated logs" in recordings.unknown(card)
+
+
+def test_maps_of_one_recording_at_a_time_are_in_memory(linear, array, called, tmp_path, monkeypatch):
+    for k in range(5):
+        shutil.copytree(array / "day1_1", tmp_path / "logs" / f"day{k}")
+    predict, alive, most = recordings.predict, weakref.WeakSet(), []
+
+    class Maps(np.ndarray):  # which a WeakSet can hold
+        __hash__ = object.__hash__
+
+    def counted(*given):
+        most.append(len(alive))
+        found = predict(*given)
+        values = found.values.view(Maps)
+        alive.add(values)
+        return found._replace(values=values)
+
+    monkeypatch.setattr(recordings, "predict", counted)
+    called("predict", linear, tmp_path / "logs", "--no-pictures", "--out", tmp_path / "out")
+    assert len(most) == 5 and max(most) <= 1  # those of the one before, until the name has the next
+
+
+def test_a_recording_of_several_parts_is_summed_up_as_one_of_one(linear, array, called, tmp_path, monkeypatch):
+    called("predict", linear, array / "day1_1", "--no-pictures", "--out", tmp_path / "whole")
+    monkeypatch.setattr(schemas, "GROUP_ROWS", 100)
+    called("predict", linear, array / "day1_1", "--no-pictures", "--out", tmp_path / "parts")
+    whole, parts = ((tmp_path / name / "summary.json").read_text() for name in ("whole", "parts"))
+    assert whole == parts and json.loads(whole)["recordings"][0]["readings"] > 1000
+    tables = [schemas.read(tmp_path / name / "predictions.parquet") for name in ("whole", "parts")]
+    assert str(tables[0].to_pylist()) == str(tables[1].to_pylist())  # NaN is not NaN, but is written as it
 
 
 def clock_twice_too_fast(text: str) -> str:

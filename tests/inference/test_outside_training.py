@@ -64,7 +64,8 @@ def test_a_recording_of_the_trained_sensor_keeps_its_intervals_and_a_shifted_one
         of_log = recording._replace(x=x)
         (tmp_path / str(k)).mkdir()
         predicted = recordings.predict(model, of_log)
-        summaries += predictions.write(tmp_path / str(k), tmp_path, [(of_log, predicted)], model.card, [{}])
+        with predictions.writing(tmp_path / str(k), tmp_path, model.card) as write:
+            summaries.append(write(of_log, predicted, {}))
         tables.append(pq.read_table(tmp_path / str(k) / "predictions.parquet").to_pandas())
     before, after = tables
     assert before["outside_training"].mean() == summaries[0]["share_outside_training"] < 0.01

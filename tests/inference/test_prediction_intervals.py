@@ -28,7 +28,8 @@ def written(folder, model: predictor.Predictor, predicted: np.ndarray) -> tuple[
     n, none = len(predicted), schemas.REJECTS.empty_table()
     recording = Recording(folder / "a.log", "a", "b", np.arange(n) / 50, np.zeros((n, 1)), np.zeros(n, int), 0, none)
     of_recording = Predicted(predicted, np.zeros(n, bool), [])
-    predictions.write(folder, folder, [(recording, of_recording)], model.card, [{}])
+    with predictions.writing(folder, folder, model.card) as write:
+        write(recording, of_recording, {})
     table = pq.read_table(folder / "predictions.parquet")
     return {name: table[name].to_pylist() for name in table.column_names}, predictions.read_summary(folder)
 

@@ -73,7 +73,8 @@ def test_such_readings_have_no_interval_in_windows_with_them_and_all_predictions
         expected[rows[rows + back < N] + back] = True
     by_range = model.outside(counts)
     assert np.abs(found.outside.astype(int) - (expected | by_range)).sum() <= 6, "the edges of a still channel"
-    (said,) = predictions.write(tmp_path, tmp_path, [(recording, found)], model.card, [{}])
+    with predictions.writing(tmp_path, tmp_path, model.card) as write:
+        said = write(recording, found, {})
     table = pq.read_table(tmp_path / "predictions.parquet").to_pandas()
     assert said["notes"] == found.notes and said["share_outside_training"] == table["outside_training"].mean()
     assert ("outside_training" in said) == by_range.any(), "no sentence on ranges where it is none of theirs"

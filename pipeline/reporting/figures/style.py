@@ -9,6 +9,7 @@ import matplotlib
 import matplotlib.pyplot as plt
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
+from pipeline.base import files
 from pipeline.reporting.words.labels import model_name
 
 DPI = 150
@@ -123,7 +124,8 @@ def save(figure: plt.Figure, path: Path) -> None:
     widest = max((part.get_window_extent().width for part in [*figure.texts, *figure.legends]), default=0) / figure.dpi
     if widest > figure.get_figwidth():
         figure.set_figwidth(widest + 0.2)
-    figure.savefig(path, dpi=DPI, metadata={"Software": None})
+    with files.replacing(path) as draft:
+        figure.savefig(draft, format=path.suffix.removeprefix("."), dpi=DPI, metadata={"Software": None})
     plt.close(figure)
 
 
