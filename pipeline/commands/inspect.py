@@ -56,11 +56,11 @@ def inspected(folder: Path) -> dict[str, Any]:
             lambda card, path: consistent.check(card, path, of_export.AGAIN),
         ),
     }
-    name = next((name for name in kinds if (folder / name).is_file()), None)
-    if name is None:
-        raise InputError(f"{folder}: no {' or '.join(kinds)} in it, so it is no package")
+    name = next((name for name in kinds if (folder / name).is_file()), of_export.NAME)
     kind, package, again, check = kinds[name]
     path, card, wrong, faults, named = folder / name, None, [], {}, {}
+    if not any((folder / each).is_file() for each in (name, *package)):
+        raise InputError(f"{folder}: no {' or '.join(kinds)} in it, so it is no package")
     try:
         card, text = cards.parsed(path, kind, again)
         faults, named = cards.faults(path, card, text, package), card.files

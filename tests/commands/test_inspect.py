@@ -76,6 +76,9 @@ def test_a_card_that_cannot_be_read_is_told_and_its_files_all_the_same(tmp_path,
         assert any(line.startswith("network.safetensors: ") and "cannot be read" in line for line in lines)
         assert error.startswith(f"{folder}: 1 thing wrong, the first: {folder}/card.json")
         assert all(line.isprintable() for line in lines)
+    (folder / cards.NAME).unlink()
+    lines, error = said(folder, capsys)
+    assert "card.json: not there, the card cannot be read" in lines and "card.json: not found" in error
     with pytest.raises(InputError, match=r"no target\.json or card\.json in it"):
         inspect.inspected(tmp_path)
 
