@@ -345,8 +345,8 @@ class _Text:
         elif now - self.since > SILENT_S:
             self.endless = True
             _say(
-                f"{self.name}: bytes arrive, but no end of a line (LF or CR) in {SILENT_S:g} s, and only whole lines can "
-                "be read; let the device end each reading by LF, and see that --baud is its rate"
+                f"{self.name}: bytes arrive, but no end of a line (LF or CR) in {SILENT_S:g} s, and only whole lines "
+                "can be read; let the device end each reading by LF, and see that --baud is its rate"
             )
 
 
