@@ -5,6 +5,7 @@
 const REPORT_MS = 100; // between two words to the server about what is drawn
 const WORDS_MS = 200; // between two changes of numbers, which nobody reads faster
 const SILENT_MS = 2000; // without a line
+const QUIET_MS = 1000; // without a picture, after which the last word is said again: it may have been lost
 const HELD_S = 30; // a scale fits what was seen for so long, and a plot shows it
 const AGAIN_MS = 5000; // until a page that was refused asks again
 
@@ -240,6 +241,7 @@ const after = new MessageChannel();
 after.port1.onmessage = (message) => report(message.data);
 
 function report(arrived_s) {
+  if (drawn === null) return;
   const body = JSON.stringify({ viewer: model.viewer, number: drawn.number, arrived_s });
   fetch("drawn", { method: "POST", body }).catch(() => {}); // the stream of events says that the server is gone
 }
@@ -326,6 +328,7 @@ function listen() {
   const events = new EventSource("pictures");
   events.addEventListener("model", (event) => {
     model = JSON.parse(event.data);
+    drawn = waiting = null; // a word is of the pictures of this connection
     model.viridis = bytes(model.viridis);
     document.title = `${model.name} live`;
     element("name").textContent = model.name;
@@ -374,6 +377,8 @@ setInterval(() => {
   if (waiting !== null && document.hidden) { // nothing is drawn, but what comes must not pile up
     drawn = JSON.parse(waiting);
     waiting = null;
+    report(null);
+  } else if (drawn !== null && state !== "ended" && silent > QUIET_MS) {
     report(null);
   }
 }, 1000);

@@ -5,7 +5,7 @@ and so are bodies that are no word of a viewer, connections beyond MOST, and tho
 
 The page listens to a stream of events. Each has the prediction that is the newest when it is sent, so that a slow
 browser gets fewer of them. Ten times a second the page says which one it has drawn. The time until that word is back is
-the time from line to picture. A page that has fallen AHEAD predictions behind gets no more until it has caught up.
+the time from line to picture. A page that has not said a word of AHEAD pictures gets no more until it has.
 """
 
 import asyncio
@@ -43,7 +43,8 @@ from pipeline.live import outputs
 from pipeline.live.session import Prediction, Session
 
 HOST = "127.0.0.1"  # nothing outside this machine can ask
-AHEAD = 100  # predictions: half a second of 200 lines a second
+PICTURE_S = 0.008  # between two pictures for one browser, which draws 60 a second
+AHEAD = 50  # pictures: 0.4 s of a fast device
 KEPT = 300  # drawn pictures that times are taken from: half a minute
 STATUS_S = 0.2  # how often counts and times are worked out anew
 WAIT_S = 10.0  # for the server to start or to end
@@ -170,8 +171,7 @@ class Page:
         viewer = said and next((viewer for viewer in self._viewers if viewer.name == said.viewer), None)
         if not viewer or not 0 <= said.number <= viewer.sent:
             return Response("not the word of a viewer\n", status_code=400)
-        viewer.drawn, viewer.heard = max(viewer.drawn, said.number), time.monotonic()
-        viewer.ready.set()
+        viewer.hear(said.number)
         if said.arrived_s is not None:
             self.to_picture_ms.append(1e3 * min(max(time.monotonic() - said.arrived_s, 0.0), LONGEST_S))
         return Response(status_code=204)
@@ -182,10 +182,12 @@ class Page:
         try:
             yield event("model", {"viewer": viewer.name} | description(self.session.card))
             while True:
-                newest, behind = self.newest, viewer.sent - viewer.drawn >= AHEAD
+                newest, behind = self.newest, len(viewer.unsaid) >= AHEAD
                 if newest is not None and newest.number > viewer.sent and not behind:
                     viewer.sent = newest.number
+                    viewer.unsaid.append(newest.number)
                     yield event("picture", picture(newest, self.session.card) | {"status": self._status_now()})
+                    await asyncio.sleep(PICTURE_S)
                 elif self.closed:
                     yield event("end", {"status": self._status_now(anew=True)})
                     return
@@ -217,11 +219,19 @@ class Page:
 
 
 class _Viewer:
-    """One browser that listens. `sent`, `drawn`: the latest prediction that it was sent, and that it has drawn."""
+    """One browser that listens. `sent`: the latest prediction that it got; `unsaid`: those that no word was of, yet."""
 
     def __init__(self):
         self.name, self.ready = secrets.token_hex(), asyncio.Event()
-        self.sent, self.drawn, self.heard = 0, 0, time.monotonic()
+        self.sent, self.heard = 0, time.monotonic()
+        self.unsaid: deque[int] = deque()
+
+    def hear(self, number: int) -> None:
+        """Take the word that a prediction, and thus all before, has come."""
+        self.heard = time.monotonic()
+        while self.unsaid and self.unsaid[0] <= number:
+            self.unsaid.popleft()
+        self.ready.set()
 
 
 class _Guard:

@@ -390,10 +390,35 @@ def test_a_viewer_that_listens_is_kept(page, monkeypatch, client):
 
 def test_a_viewer_that_says_no_word_is_let_go(page, monkeypatch, client):
     monkeypatch.setattr(server, "QUIET_S", 0.5)
+    monkeypatch.setattr(server, "AHEAD", 2)
     one = client().send("GET", "/pictures")
     assert one.answer()[0] == 200 and len(page._viewers) == 1
     page.add(page.predictions[-1]._replace(number=1000))
     until(lambda: not page._viewers, 5)
+
+
+def test_a_page_gets_pictures_as_long_as_it_says_so(page, monkeypatch, client):
+    """However many predictions lie between two: the first second of lines is predicted at once."""
+    monkeypatch.setattr(server, "AHEAD", 3)
+    monkeypatch.setattr(server, "PICTURE_S", 0.0)
+    one = client().send("GET", "/pictures")
+    assert one.answer()[0] == 200
+    name, number = one.event()[1]["viewer"], one.event()[1]["number"]
+    for jump in (1000, 1, 10**6):
+        page.add(page.predictions[-1]._replace(number=number + jump))
+        number = one.event()[1]["number"]
+        assert drawn(client, page, {"viewer": name, "number": number, "arrived_s": None}) == 204
+    for _ in range(6):
+        number += 1
+        page.add(page.predictions[-1]._replace(number=number))
+        time.sleep(0.1)
+    assert [one.event()[1]["number"] for _ in range(3)] == [number - 5, number - 4, number - 3]
+    one.socket.settimeout(0.3)
+    with pytest.raises(TimeoutError):
+        one.event()
+    one.socket.settimeout(10)
+    assert drawn(client, page, {"viewer": name, "number": number - 5, "arrived_s": None}) == 204
+    assert one.event()[1]["number"] == number, "the newest"
 
 
 @pytest.mark.slow
