@@ -7,7 +7,7 @@ time as in training, whatever the rate of the device. Lines that cannot be used 
 """
 
 import argparse
-import os
+import errno
 import sys
 import tempfile
 import time
@@ -94,8 +94,13 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         for data in chunks:
             hand_on(session.take(data, time.monotonic()), places)
         hand_on(session.finish(), places)
-    except BrokenPipeError:  # who read the CSV has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if error.errno not in (errno.EPIPE, errno.EIO):
+            raise
+        record.silence(sys.stdout)  # who read the CSV has seen enough, or the terminal is gone
+        stop.wanted = True
+        for _ in chunks:  # what is under way is recorded
+            pass
     finally:
         if page is not None:
             page.close()
@@ -129,7 +134,7 @@ def hand_on(predictions, places: list) -> None:
 
 def say(words: str) -> None:
     """Say something to the user, beside the CSV."""
-    print(words, file=sys.stderr, flush=True)
+    record.say(words)
 
 
 def sentence(session) -> str:

@@ -1,20 +1,23 @@
 """Record what devices print on serial ports, as it comes.
 
-Bytes are written unchanged, whole lines at a time, so that a file can be read while it grows. If this program is
-killed, the line that is arriving is lost; if the computer loses its power, the lines of the last SYNC_S as well: the
-disk has all lines before. A device may vanish and come back: recording goes on when the port does, and the part of a
-line that the device had printed when it vanished becomes a line of its own, which ingest rejects. Ctrl-C ends the
-recording after the line that is arriving; a line that does not end within LAST_LINE_S is kept as it came.
+Bytes are written unchanged, whole lines at a time, so that a file can be read while it grows; what has no line end is
+written after HELD_S, or once it is HELD bytes. If this program is killed, what is held back then is lost; if the
+computer loses its power, the bytes of the last SYNC_S as well: the disk has all before. A device may vanish and come
+back: recording goes on when the port does, and the part of a line that the device had printed when it vanished becomes
+a line of its own, which ingest rejects. Ctrl-C, a request to end, and the terminal's being closed end the recording
+after the line that is arriving; a line that does not end within LAST_LINE_S is kept as it came.
 
-Several ports, each with its file, are recorded side by side. With --stamp every line begins with the microseconds since
-this program started, on one clock for all ports: for devices that print no time. It is the moment at which the end of
-the line was read. A USB adapter hands bytes on in packets, every 1 to 16 ms: lines that come several at a time get
-times apart as at their rate so far, none later than the moment at which it was read. --start sends a line to the
-device, --start-after seconds after the port was opened, since many boards start anew then and hear nothing while they
-do; --every repeats it: for devices that print when they are asked.
+Several ports, each with its file, are recorded side by side. With --stamp every line begins with the microseconds
+since this program started, on one clock for all ports: for devices that print no time. It is the moment at which the
+end of the line was read, or, of a line that took longer than HELD_S, at which its beginning was written. A USB adapter
+hands bytes on in packets, every 1 to 16 ms: lines that come several at a time get times apart as at their rate so far,
+none later than the moment at which it was read. --start sends a line to the device, --start-after seconds after the
+port was opened, since many boards start anew then and hear nothing while they do; --every repeats it: for devices that
+print when they are asked.
 """
 
 import argparse
+import errno
 import os
 import re
 import signal
@@ -23,6 +26,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
+from typing import TextIO
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
@@ -36,10 +40,13 @@ WAIT_S = 0.1  # longest wait for bytes: how soon Ctrl-C is seen
 RETRY_S = 0.3  # between two attempts to open a port that vanished
 LAST_LINE_S = 0.5  # after Ctrl-C, for bytes that are under way and for the rest of a line, each
 SYNC_S = 1.0  # between two calls of fsync, each of which takes milliseconds
+HELD_S = 0.9  # that bytes without a line end are held back; seen WAIT_S later at most, within a second
+HELD = 1 << 16  # bytes without a line end that are held back
 SILENT_S = 5.0  # a device that prints nothing, or no end of a line, for so long is reported
 BOOT_S = 2.0  # that an Arduino takes to start, which it does when its port is opened
 JUDGED = 400  # bytes after which it is clear whether they are text
 TEXT = 0.9  # share of bytes that are printable in what a device prints; of a wrong baud rate about a third are
+DELIMITED = 0.5  # such a share of a device that prints one or two control characters as delimiters, such as NUL or ETX
 PROGRESS_S = 1.0  # between two reports of the lines so far, on a terminal
 PACKET_US = 32_000  # that an adapter and a busy computer may keep a line
 SILENT_US = 100_000  # without a line; the rate of lines is then taken anew
@@ -48,12 +55,18 @@ HURRY = 1.002  # times the rate's interval, so that times stay close to those of
 
 
 class Stop:
-    """True once Ctrl-C or a request to end has come; a signal never interrupts a read, whose bytes would be lost."""
+    """True once Ctrl-C, a request to end or the end of the terminal has come.
+
+    A signal never interrupts a read, whose bytes would be lost.
+    """
 
     def __init__(self):
         self.wanted = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
+        # Windows has none; with `nohup` it is ignored, and the recording goes on without the terminal.
+        if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+            signal.signal(signal.SIGHUP, self._stop)
 
     def _stop(self, number, frame) -> None:
         self.wanted = True
@@ -63,14 +76,20 @@ class Stop:
 
 
 class Log:
-    """The growing file: takes bytes as they come, writes whole lines; InputError where the disk refuses them."""
+    """The growing file: takes bytes as they come, writes whole lines, and in time what has no line end.
+
+    Raises InputError where the disk refuses them.
+    """
 
     def __init__(self, path: Path, clock_us: Callable[[], int] | None = None):
         """path: a new file; clock_us: gives the time that is put before every line, None where none is."""
         self.path, self.lines, self.rest = path, 0, b""
+        self._held = 0.0  # since when there is a rest
         self._end: bytes | None = None  # of a line: LF, or CR where a device prints no other; None: none was seen
+        self._last = b""  # byte, read or written
+        self._begun = False  # a line that was written in part goes on
         self._stamps = None if clock_us is None else Stamps(clock_us)
-        self.safe, self.synced = 0, time.monotonic()  # lines that the disk has, and since when it has them
+        self.safe, self._is_safe, self.synced = 0, True, time.monotonic()  # lines and bytes that the disk has, since
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.file = path.open("xb")
@@ -80,36 +99,61 @@ class Log:
             raise InputError(f"{path}: cannot be written ({error.strerror}); give another place") from error
 
     def add(self, data: bytes) -> None:
-        """Write all lines that are whole with these bytes (or none), keep the rest, and sync where it is due."""
-        self.rest += data
-        if self._end != b"\n":
-            found = layout.line_end(self.rest.decode("latin-1"))
-            self._end = b"\n" if b"\n" in self.rest else found.encode() if found else self._end
-        if self._end is not None:
-            whole, end, self.rest = self.rest.rpartition(self._end)
-            self._write(self._stamped(whole + end))
-        if self.lines > self.safe and time.monotonic() - self.synced >= SYNC_S:
+        """Write all lines that are whole with these bytes (or none) and a rest that is due; sync where that is due."""
+        now = time.monotonic()
+        if data:
+            self._find_end(data)
+            cut = 0 if self._end is None else data.rfind(self._end) + 1
+            if cut:
+                self._write(self.rest + data[:cut])
+                self.rest = b""
+            if not self.rest:
+                self._held = now
+            self.rest += data[cut:]
+            self._last = data[-1:]
+        if self.rest and (len(self.rest) >= HELD or now - self._held >= HELD_S):
+            self._write(self.rest)
+            self.rest = b""
+        if not self._is_safe and time.monotonic() - self.synced >= SYNC_S:
             self.sync()
+
+    def _find_end(self, data: bytes) -> None:
+        """Learn from the next bytes what ends a line."""
+        if self._end == b"\n":
+            return
+        if b"\n" in data:
+            self._end = b"\n"
+        elif self._end is None and layout.line_end((self._last + data).decode("latin-1")):
+            self._end = b"\r"
+            if not self.rest and self._last == b"\r":  # which was written before it was known to end a line
+                self.lines += 1
+            whole, end, self.rest = self.rest.rpartition(b"\r")
+            self._write(whole + end)
 
     def tear(self) -> None:
         """End a line that will never be whole, so that it does not become one with the next."""
-        if self.rest:
-            self._write(self._stamped(self.rest + (self._end or b"\n")))
+        if self.rest or self._begun:
+            self._write(self.rest + (self._end or b"\n"))
             self.rest = b""
         self.sync()
 
     def close(self) -> None:
         """Write the last, partial line as it came."""
-        self._write(self._stamped(self.rest))
+        self._write(self.rest)
+        self.rest = b""
         self.sync()
         self.file.close()
 
     def _stamped(self, lines: bytes) -> bytes:
-        """Return lines that were read at once, with the time before each."""
-        if self._stamps is None or not LINE.search(lines):
+        """Return lines that were read at once, with the time before each that begins here."""
+        if self._stamps is None:
             return lines
-        times = iter(self._stamps.of(len(LINE.findall(lines))))
-        return LINE.sub(lambda line: b"%d,%s" % (next(times), line[0]), lines)
+        begun = LINE.match(lines).end() if self._begun and LINE.match(lines) else 0
+        count = len(LINE.findall(lines, begun))
+        if not count:
+            return lines
+        times = iter(self._stamps.of(count))
+        return lines[:begun] + LINE.sub(lambda line: b"%d,%s" % (next(times), line[0]), lines[begun:])
 
     def sync(self) -> None:
         """Wait until the disk has all that was written."""
@@ -117,15 +161,18 @@ class Log:
             os.fsync(self.file.fileno())
         except OSError as error:
             raise self._cannot(error) from error
-        self.safe, self.synced = self.lines, time.monotonic()
+        self.safe, self._is_safe, self.synced = self.lines, True, time.monotonic()
 
     def _write(self, data: bytes) -> None:
+        if not data:
+            return
         try:
-            self.file.write(data)
+            self.file.write(self._stamped(data))
             self.file.flush()
         except OSError as error:
             raise self._cannot(error) from error
         self.lines += data.count(self._end or b"\n")
+        self._is_safe, self._begun = False, not data.endswith(ENDS)
 
     def _cannot(self, error: OSError) -> InputError:
         return InputError(f"{self.path}: cannot be written ({error.strerror}); its first {self.safe} lines are safe")
@@ -262,29 +309,45 @@ class Port:
 
 
 class _Text:
-    """Says once where what a device prints is hardly text, or has no line ends: its baud rate is another."""
+    """Says, each once, where what a device prints is hardly text (its baud rate is another), and where no line ends."""
 
     def __init__(self, name: str):
-        self.name, self.seen, self.printable, self.since, self.done = name, 0, 0, time.monotonic(), False
+        self.name, self.seen, self.printable, self.odd, self.judged = name, 0, 0, set(), False
+        self.since, self.endless = None, False  # since when bytes have come without an end; that was said
 
     def judge(self, data: bytes) -> None:
         """Take the next bytes."""
-        if self.done:
-            return
-        self.seen += len(data)
-        self.printable += sum(byte in PRINTABLE for byte in data)
-        if self.seen >= JUDGED:
-            if (share := self.printable / self.seen) < TEXT:
-                self._say(f"only {100 * share:.0f} % of what arrives are printable characters")
-            self.done = True
-        elif any(end in data for end in ENDS):
-            self.since = float("inf")
-        elif time.monotonic() - self.since > SILENT_S:
-            self._say(f"bytes arrive, but no end of a line in {SILENT_S:g} s")
+        if not self.judged:
+            self._judge_bytes(data)
+        if not self.endless:
+            self._judge_ends(data)
 
-    def _say(self, what: str) -> None:
-        self.done = True
-        _say(f"{self.name}: {what}; is --baud the device's rate (9600, 57600, 115200, ...)?")
+    def _judge_bytes(self, data: bytes) -> None:
+        odd = [byte for byte in data if byte not in PRINTABLE]
+        self.seen, self.printable = self.seen + len(data), self.printable + len(data) - len(odd)
+        self.odd.update(odd)
+        if self.seen < JUDGED:
+            return
+        self.judged, share = True, self.printable / self.seen
+        delimited = len(self.odd) <= 2 and max(self.odd, default=0) < 32
+        if share < (DELIMITED if delimited else TEXT):
+            _say(
+                f"{self.name}: only {100 * share:.0f} % of what arrives are printable characters; is --baud the "
+                "device's rate (9600, 57600, 115200, ...)?"
+            )
+
+    def _judge_ends(self, data: bytes) -> None:
+        now = time.monotonic()
+        if any(end in data for end in ENDS):
+            self.since = None if data.endswith(ENDS) else now
+        elif self.since is None:
+            self.since = now
+        elif now - self.since > SILENT_S:
+            self.endless = True
+            _say(
+                f"{self.name}: bytes arrive, but no end of a line (LF or CR) in {SILENT_S:g} s, and only whole lines "
+                "can be read; let the device end each reading by LF, and see that --baud is its rate"
+            )
 
 
 def recorded(chunks: Iterable[bytes | None], log: Log) -> Iterator[bytes | None]:
@@ -320,13 +383,31 @@ def record(ports: Sequence[Port], logs: Sequence[Log], stop: Stop) -> None:
                     f"{log.path.name} {log.lines} lines, {(log.lines - before) / PROGRESS_S:.0f} a second"
                     for log, before in zip(logs, counts, strict=True)
                 )
-                print(f"\r{'; '.join(each)}\033[K", end="", file=sys.stderr, flush=True)
+                say(f"\r{'; '.join(each)}\033[K", end="")
     for each in running:
         each.result()
 
 
+def say(words: str, file: TextIO | None = None, end: str = "\n") -> None:
+    """Print words to the user, on standard error or on `file`; where the terminal is gone, to nobody from here on."""
+    file = file or sys.stderr
+    try:
+        print(words, end=end, file=file, flush=True)
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise
+        silence(file)
+
+
+def silence(file: TextIO) -> None:
+    """Let nobody get what is written to a standard stream from here on, nor what it still holds."""
+    nobody = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nobody, file.fileno())
+    os.close(nobody)
+
+
 def _say(sentence: str) -> None:
-    print(f"\r\033[K{sentence}" if sys.stderr.isatty() else sentence, file=sys.stderr, flush=True)
+    say(f"\r\033[K{sentence}" if sys.stderr.isatty() else sentence)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -375,4 +456,4 @@ def main(_: Workspace, given: argparse.Namespace) -> None:
         _say(f"recording {port.name} at {baud} baud to {log.path}; Ctrl-C ends it")
     record(ports, logs, stop)
     for log in logs:
-        print(f"{log.path}: {log.lines} lines")
+        say(f"{log.path}: {log.lines} lines", sys.stdout)

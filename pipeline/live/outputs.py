@@ -3,6 +3,7 @@
 import csv
 import ipaddress
 import json
+import math
 import socket
 from typing import TextIO
 
@@ -56,6 +57,23 @@ def _intervals(prediction: Prediction, card: Card) -> dict[str, float | list[str
 def known(prediction: Prediction) -> bool:
     """Tell whether a model has seen a whole window, and could make an image of the reading."""
     return bool(np.isfinite(prediction.values).all())
+
+
+def as_json(data: dict) -> str:
+    """Return JSON of data; a number that JSON does not have, infinite or none, becomes null."""
+    try:
+        return json.dumps(data, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(data), allow_nan=False)
+
+
+def _finite(data):
+    """Return data with None in the place of each number that is not finite."""
+    if isinstance(data, dict):
+        return {name: _finite(value) for name, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
 class Table:
@@ -114,6 +132,6 @@ class Datagrams:
         if not known(prediction):
             return
         try:
-            self.socket.sendto(json.dumps(fields(prediction, self.card)).encode(), self.target)
+            self.socket.sendto(as_json(fields(prediction, self.card)).encode(), self.target)
         except (BlockingIOError, ConnectionRefusedError):
             return

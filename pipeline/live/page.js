@@ -5,7 +5,9 @@
 const REPORT_MS = 100; // between two words to the server about what is drawn
 const WORDS_MS = 200; // between two changes of numbers, which nobody reads faster
 const SILENT_MS = 2000; // without a line
+const QUIET_MS = 1000; // without a picture, after which the last word is said again: it may have been lost
 const HELD_S = 30; // a scale fits what was seen for so long, and a plot shows it
+const AGAIN_MS = 5000; // until a page that was refused asks again
 
 const element = (id) => document.getElementById(id);
 const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -130,7 +132,7 @@ function drawPlot(picture) {
   const [context, width, height] = room(element("prediction"), 0.6);
   const left = 48, right = 8, top = 8, bottom = 24;
   const values = picture.known ? picture.values ?? [picture.force_n] : null;
-  if (values) history.push([picture.t_s, values]);
+  if (values?.every(Number.isFinite)) history.push([picture.t_s, values]);
   if (history.length > 1 && history.at(-1)[0] < history.at(-2)[0]) history.splice(0, history.length - 1); // a new clock
   while (history.length && history[0][0] < history.at(-1)[0] - HELD_S) history.shift();
   if (!history.length) return;
@@ -210,9 +212,21 @@ function drawReading(picture) {
 
 function draw() {
   if (waiting === null) return;
-  const picture = JSON.parse(waiting);
-  waiting = null;
-  drawn = picture;
+  const text = waiting;
+  waiting = null; // whatever becomes of this picture, the next one is drawn
+  drawn = JSON.parse(text);
+  try {
+    paint(drawn);
+  } finally { // or no more would come
+    const now = performance.now();
+    if (now - reported > REPORT_MS) {
+      reported = now;
+      after.port2.postMessage(drawn.arrived_s); // answered once this picture is laid out and painted
+    }
+  }
+}
+
+function paint(picture) {
   if (model.touch_kpa !== null) drawMap(picture);
   else if (model.kind === "images") drawBars(picture);
   else drawPlot(picture);
@@ -222,15 +236,12 @@ function draw() {
     worded = now;
     say(picture);
   }
-  if (now - reported > REPORT_MS) {
-    reported = now;
-    after.port2.postMessage(picture.arrived_s); // answered once this picture is laid out and painted
-  }
 }
 const after = new MessageChannel();
 after.port1.onmessage = (message) => report(message.data);
 
 function report(arrived_s) {
+  if (drawn === null) return;
   const body = JSON.stringify({ viewer: model.viewer, number: drawn.number, arrived_s });
   fetch("drawn", { method: "POST", body }).catch(() => {}); // the stream of events says that the server is gone
 }
@@ -245,6 +256,9 @@ function cells(kind, values) {
   }));
   return row;
 }
+
+// A number, or a dash in the place of one that JSON does not have.
+const fixed = (value, digits) => Number.isFinite(value) ? value.toFixed(digits) : "–";
 
 // The interval of an output in words, such as " (1.2 to 3.4)", why there is none, or nothing.
 function between(picture, output, digits) {
@@ -264,7 +278,7 @@ function say(picture) {
   } else if (model.touch_kpa !== null) {
     body.replaceChildren(...picture.touches.map((touch, place) =>
       cells("td", [place + 1, touch.x_mm.toFixed(1), touch.y_mm.toFixed(1), touch.kpa.toFixed(0)])));
-    total.textContent = `${picture.touches.length || "No"} touch${picture.touches.length === 1 ? "" : "es"}; force ${picture.force_n.toFixed(1)} N${between(picture, "force_n", 1)}`;
+    total.textContent = `${picture.touches.length || "No"} touch${picture.touches.length === 1 ? "" : "es"}; force ${fixed(picture.force_n, 1)} N${between(picture, "force_n", 1)}`;
     const peak = between(picture, "peak_kpa", 0);
     if (peak && !picture.outside_training) total.textContent += `; peak ${picture.peak.toFixed(0)} kPa${peak}`;
     element("prediction").setAttribute("aria-label", `Pressure map: ${picture.touches.map((touch) =>
@@ -277,9 +291,9 @@ function say(picture) {
     const values = picture.values ?? [picture.force_n];
     const names = model.names ?? ["force_n"];
     body.replaceChildren(...values.map((value, place) =>
-      cells("td", [`${names[place].replace(/_\w+$/, "")} (${["line", "dashes", "dots"][place % 3]})`, value.toFixed(2) + between(picture, names[place], 2)])));
+      cells("td", [`${names[place].replace(/_\w+$/, "")} (${["line", "dashes", "dots"][place % 3]})`, fixed(value, 2) + between(picture, names[place], 2)])));
     element("prediction").setAttribute("aria-label", `Plot of the last ${HELD_S} s: ${values.map((value, place) =>
-      `${names[place].replace("_", " in ")} ${value.toFixed(2)}`).join(", ")}`);
+      `${names[place].replace("_", " in ")} ${fixed(value, 2)}`).join(", ")}`);
   }
   element("reading").setAttribute("aria-label", `Reading: ${picture.reading.length} values from ${Math.min(...picture.reading)} to ${Math.max(...picture.reading)} ${model.reading.unit}`);
   status(picture.status);
@@ -310,50 +324,61 @@ function show(name, words) {
   if (place.textContent !== words) [place.textContent, place.dataset.state] = [words, name];
 }
 
-const events = new EventSource("pictures");
-events.addEventListener("model", (event) => {
-  model = JSON.parse(event.data);
-  model.viridis = bytes(model.viridis);
-  document.title = `${model.name} live`;
-  element("name").textContent = model.name;
-  element("prediction-title").textContent = model.touch_kpa !== null ? "Pressure map" :
-    model.kind === "images" ? "Object" : model.unit === "N" ? "Force in N" : "Position in mm";
-  element("bars").hidden = model.kind !== "images";
-  element("prediction").hidden = model.kind === "images";
-  element("values").hidden = model.kind === "images";
-  element("intervals").textContent = model.intervals.join(". ");
-  element("values-title").textContent = model.touch_kpa !== null ? "Touches" : "Values";
-  if (model.touch_kpa !== null) {
-    element("values").tHead.replaceChildren(cells("th", ["touch", "x, mm", "y, mm", "kPa"]));
-    element("prediction-scale").textContent =
-      `From the lower left corner; a ring is a peak of at least ${model.touch_kpa.toFixed(0)} kPa`;
-  } else if (model.kind !== "images") {
-    element("values").tHead.replaceChildren(cells("th", ["output", model.unit]));
-  }
-  show("waiting", "waiting for lines");
-});
-events.addEventListener("picture", (event) => {
-  if (waiting === null) requestAnimationFrame(draw);
-  waiting = event.data;
-  arrived = performance.now();
-  if (state !== "live") show("live", "live");
-});
-events.addEventListener("end", (event) => {
-  events.close();
-  draw();
-  if (drawn) say(drawn);
-  status(JSON.parse(event.data).status);
-  show("ended", "ended");
-});
-events.onerror = () => {
-  if (state !== "ended") show("lost", "no connection to `tactile live`");
-};
+function listen() {
+  const events = new EventSource("pictures");
+  events.addEventListener("model", (event) => {
+    model = JSON.parse(event.data);
+    drawn = waiting = null; // a word is of the pictures of this connection
+    model.viridis = bytes(model.viridis);
+    document.title = `${model.name} live`;
+    element("name").textContent = model.name;
+    element("prediction-title").textContent = model.touch_kpa !== null ? "Pressure map" :
+      model.kind === "images" ? "Object" : model.unit === "N" ? "Force in N" : "Position in mm";
+    element("bars").hidden = model.kind !== "images";
+    element("prediction").hidden = model.kind === "images";
+    element("values").hidden = model.kind === "images";
+    element("intervals").textContent = model.intervals.join(". ");
+    element("values-title").textContent = model.touch_kpa !== null ? "Touches" : "Values";
+    if (model.touch_kpa !== null) {
+      element("values").tHead.replaceChildren(cells("th", ["touch", "x, mm", "y, mm", "kPa"]));
+      element("prediction-scale").textContent =
+        `From the lower left corner; a ring is a peak of at least ${model.touch_kpa.toFixed(0)} kPa`;
+    } else if (model.kind !== "images") {
+      element("values").tHead.replaceChildren(cells("th", ["output", model.unit]));
+    }
+    show("waiting", "waiting for lines");
+  });
+  events.addEventListener("picture", (event) => {
+    if (waiting === null) requestAnimationFrame(draw);
+    waiting = event.data;
+    arrived = performance.now();
+    if (state !== "live") show("live", "live");
+  });
+  events.addEventListener("end", (event) => {
+    events.close();
+    draw();
+    if (drawn) say(drawn);
+    status(JSON.parse(event.data).status);
+    show("ended", "ended");
+  });
+  events.onerror = () => {
+    if (state === "ended") return;
+    show("lost", "no connection to `tactile live`");
+    if (events.readyState !== EventSource.CLOSED) return; // the browser asks again by itself, unless it was refused
+    show("lost", "`tactile live` refuses this page: too many may be open; close others, it tries again");
+    setTimeout(listen, AGAIN_MS);
+  };
+}
+listen();
+
 setInterval(() => {
   const silent = performance.now() - arrived;
   if (state === "live" && silent > SILENT_MS) show("waiting", "no line for some seconds");
   if (waiting !== null && document.hidden) { // nothing is drawn, but what comes must not pile up
     drawn = JSON.parse(waiting);
     waiting = null;
+    report(null);
+  } else if (drawn !== null && state !== "ended" && silent > QUIET_MS) {
     report(null);
   }
 }, 1000);

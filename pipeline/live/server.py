@@ -1,31 +1,40 @@
 """Show predictions on a web page of this machine: a server beside the thread that predicts, which never waits for it.
 
+Nothing that a browser or another program sends is believed: hosts and origins other than the page's own are refused,
+and so are bodies that are no word of a viewer, connections beyond MOST, and those that do not say what they want.
+
 The page listens to a stream of events. Each has the prediction that is the newest when it is sent, so that a slow
 browser gets fewer of them. Ten times a second the page says which one it has drawn. The time until that word is back is
-the time from line to picture. A page that has fallen AHEAD predictions behind gets no more until it has caught up.
+the time from line to picture. A page that has not said a word of AHEAD pictures gets no more until it has.
 """
 
 import asyncio
 import base64
 import contextlib
+import errno
 import json
 import math
+import secrets
 import socket
 import threading
 import time
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import uvicorn
 from matplotlib import colormaps
 from starlette.applications import Starlette
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
-from starlette.requests import Request
-from starlette.responses import FileResponse, Response, StreamingResponse
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.base.errors import InputError
 from pipeline.inference import intervals
@@ -34,12 +43,31 @@ from pipeline.live import outputs
 from pipeline.live.session import Prediction, Session
 
 HOST = "127.0.0.1"  # nothing outside this machine can ask
-AHEAD = 100  # predictions: half a second of 200 lines a second
+PICTURE_S = 0.008  # between two pictures for one browser, which draws 60 a second
+AHEAD = 50  # pictures: 0.4 s of a fast device
 KEPT = 300  # drawn pictures that times are taken from: half a minute
 STATUS_S = 0.2  # how often counts and times are worked out anew
 WAIT_S = 10.0  # for the server to start or to end
-FILES = {"/": "page.html", "/page.css": "page.css", "/page.js": "page.js"}
-HEADERS = {"Cache-Control": "no-store", "Content-Security-Policy": "default-src 'self'; img-src 'self' data:"}
+MOST = 64  # connections, beyond which no page is opened
+SPARE = 16  # connections beyond: of pages that are open, and to tell others that there are too many
+LARGEST = 1000  # bytes of a body; the word of a viewer has 120
+REQUEST_S = 5.0  # for a request to come whole
+STALLED_S = 60.0  # in which a browser must take what was sent
+QUIET_S = 180.0  # in which a browser must say a word if it is AHEAD behind; one that is hidden may say one a minute
+LONGEST_S = 60.0  # from line to picture; more is a computer that slept
+FULL = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)  # no connection can be accepted
+FILES = {
+    "/": ("page.html", "text/html"),
+    "/page.css": ("page.css", "text/css"),
+    "/page.js": ("page.js", "text/javascript"),
+}
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "same-origin",
+    "X-Content-Type-Options": "nosniff",
+}
 
 
 class Page:
@@ -59,15 +87,24 @@ class Page:
             listening.close()
             raise InputError(f"--http-port {port}: cannot be used ({error}); give another, or 0 for any") from error
         self.address = f"http://{HOST}:{listening.getsockname()[1]}/"
+        here = Path(__file__)
+        self._files = {path: (here.with_name(name).read_bytes(), kind) for path, (name, kind) in FILES.items()}
         routes = [Route(path, self._file) for path in FILES]
         routes += [Route("/pictures", self._pictures), Route("/drawn", self._drawn, methods=["POST"])]
-        hosts = Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])
+        guards = [
+            Middleware(_Guard, connections=lambda: len(self._server.server_state.connections)),
+            Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"]),
+        ]
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._is_full = False  # and that was said
         self._server = uvicorn.Server(
             uvicorn.Config(
-                Starlette(routes=routes, middleware=[hosts], lifespan=self._lifespan),
+                Starlette(routes=routes, middleware=guards, lifespan=self._lifespan),
+                http=_Connection,
+                ws="none",
                 log_level="error",
                 access_log=False,
+                backlog=MOST,
                 timeout_graceful_shutdown=2,
             )
         )
@@ -98,45 +135,68 @@ class Page:
     @contextlib.asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
         self._loop = asyncio.get_running_loop()
+        self._loop.set_exception_handler(self._failed)
         yield
 
+    def _failed(self, loop: asyncio.AbstractEventLoop, context: dict) -> None:
+        """Say once that no connection can be accepted: asyncio tells it anew for each, every second."""
+        error = context.get("exception")
+        if not (isinstance(error, OSError) and error.errno in FULL):
+            loop.default_exception_handler(context)
+        elif not self._is_full:
+            self._is_full = True
+            self.session.say(
+                f"{self.address}: no further page can be opened now ({error.strerror}); the session goes on, and pages "
+                "can be opened again once others are closed"
+            )
+
     async def _file(self, request: Request) -> Response:
-        return FileResponse(Path(__file__).with_name(FILES[request.url.path]), headers=HEADERS)
+        content, kind = self._files[request.url.path]
+        return Response(content, media_type=kind)
 
     async def _pictures(self, request: Request) -> Response:
+        if request.method != "GET" or not is_own(request.headers):
+            return Response("only the page itself gets pictures\n", status_code=403)
         viewer = _Viewer()
-        self._viewers.append(viewer)
-        return StreamingResponse(self._events(viewer), media_type="text/event-stream", headers=HEADERS)
+        return StreamingResponse(self._events(viewer), media_type="text/event-stream")
 
     async def _drawn(self, request: Request) -> Response:
-        """Take a browser's word: its number, the prediction that it has drawn (or only got), and when its line came."""
+        """Take a browser's word: its name, the prediction that it has drawn (or only got), and when its line came."""
+        if not is_own(request.headers) or "origin" not in request.headers:  # which browsers send with every POST
+            return Response("only the page itself says what it has drawn\n", status_code=403)
         try:
-            said = await request.json()
-            viewer = next(viewer for viewer in self._viewers if viewer.number == said["viewer"])
-            number, arrived_s = int(said["number"]), None if said["arrived_s"] is None else float(said["arrived_s"])
-        except (ValueError, KeyError, TypeError, StopIteration):
+            said = word(await request.body())
+        except ClientDisconnect:  # nobody is there to be answered
+            return Response(status_code=400)
+        viewer = said and next((viewer for viewer in self._viewers if viewer.name == said.viewer), None)
+        if not viewer or not 0 <= said.number <= viewer.sent:
             return Response("not the word of a viewer\n", status_code=400)
-        viewer.drawn = max(viewer.drawn, number)
-        viewer.ready.set()
-        if arrived_s is not None and math.isfinite(arrived_s):
-            self.to_picture_ms.append(1e3 * (time.monotonic() - arrived_s))
+        viewer.hear(said.number)
+        if said.arrived_s is not None:
+            self.to_picture_ms.append(1e3 * min(max(time.monotonic() - said.arrived_s, 0.0), LONGEST_S))
         return Response(status_code=204)
 
     async def _events(self, viewer: "_Viewer") -> AsyncIterator[str]:
         """Yield events for one browser: what the model is, predictions, and the end."""
+        self._viewers.append(viewer)
         try:
-            yield event("model", {"viewer": viewer.number} | description(self.session.card))
-            sent = 0
+            yield event("model", {"viewer": viewer.name} | description(self.session.card))
             while True:
-                newest = self.newest
-                if newest is not None and newest.number > sent and sent - viewer.drawn < AHEAD:
-                    sent = newest.number
+                newest, behind = self.newest, len(viewer.unsaid) >= AHEAD
+                if newest is not None and newest.number > viewer.sent and not behind:
+                    viewer.sent = newest.number
+                    viewer.unsaid.append(newest.number)
                     yield event("picture", picture(newest, self.session.card) | {"status": self._status_now()})
+                    await asyncio.sleep(PICTURE_S)
                 elif self.closed:
                     yield event("end", {"status": self._status_now(anew=True)})
                     return
+                elif behind and time.monotonic() - viewer.heard > QUIET_S:
+                    return  # a browser that lives connects anew
                 else:
-                    await viewer.ready.wait()
+                    with contextlib.suppress(TimeoutError):
+                        async with asyncio.timeout(QUIET_S):
+                            await viewer.ready.wait()
                     viewer.ready.clear()
         finally:
             self._viewers.remove(viewer)
@@ -159,18 +219,119 @@ class Page:
 
 
 class _Viewer:
-    """One browser that listens."""
-
-    numbers = 0
+    """One browser that listens. `sent`: the latest prediction that it got; `unsaid`: those that no word was of, yet."""
 
     def __init__(self):
-        _Viewer.numbers += 1
-        self.number, self.drawn, self.ready = _Viewer.numbers, 0, asyncio.Event()
+        self.name, self.ready = secrets.token_hex(), asyncio.Event()
+        self.sent, self.heard = 0, time.monotonic()
+        self.unsaid: deque[int] = deque()
+
+    def hear(self, number: int) -> None:
+        """Take the word that a prediction, and thus all before, has come."""
+        self.heard = time.monotonic()
+        while self.unsaid and self.unsaid[0] <= number:
+            self.unsaid.popleft()
+        self.ready.set()
+
+
+class _Guard:
+    """Refuses what no page of this server asks, before its body is read, and gives every answer its headers."""
+
+    def __init__(self, app: ASGIApp, connections: Callable[[], int]):
+        self.app, self._connections = app, connections
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def headed(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(HEADERS)
+            await send(message)
+
+        refused = self._refused(scope["path"], Headers(scope=scope)) if scope["type"] == "http" else None
+        await (refused or self.app)(scope, receive, headed)
+
+    def _refused(self, path: str, headers: Headers) -> Response | None:
+        close = {"Connection": "close"}
+        if path in ("/", "/pictures") and self._connections() > MOST:  # the rest belongs to pages that are open
+            words = f"{MOST} connections to this page are open: close other tabs. This one tries again every 5 s.\n"
+            return Response(words, 503, close | {"Refresh": "5", "Retry-After": "5"}, "text/plain")
+        if "transfer-encoding" in headers:
+            return Response("a body must say its length\n", 411, close)
+        if int(headers.get("content-length", "0")) > LARGEST:  # h11 has refused what is no number
+            return Response(f"a body has at most {LARGEST} bytes\n", 413, close)
+        return None
+
+
+class _Connection(H11Protocol):
+    """A connection that is closed unless each request comes whole within REQUEST_S, and answers go within STALLED_S."""
+
+    _late: asyncio.TimerHandle | None = None  # closes it, while a request is awaited or arriving
+    _stalled: asyncio.TimerHandle | None = None  # closes it, while the other side takes nothing
+
+    def connection_made(self, transport: asyncio.Transport) -> None:
+        super().connection_made(transport)
+        if len(self.connections) > MOST + SPARE:
+            transport.abort()
+        else:
+            self._late = self.loop.call_later(REQUEST_S, transport.abort)
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if self.cycle is not None and not (self.cycle.response_complete or self.cycle.more_body):
+            self._late = _cancelled(self._late)
+        elif self._late is None:
+            self._late = self.loop.call_later(REQUEST_S, self.transport.abort)
+
+    def pause_writing(self) -> None:
+        super().pause_writing()
+        self._stalled = self._stalled or self.loop.call_later(STALLED_S, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        super().resume_writing()
+        self._stalled = _cancelled(self._stalled)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        super().connection_lost(exc)
+        self._late, self._stalled = _cancelled(self._late), _cancelled(self._stalled)
+
+
+def _cancelled(timer: asyncio.TimerHandle | None) -> None:
+    if timer is not None:
+        timer.cancel()
+
+
+def is_own(headers: Headers) -> bool:
+    """Tell whether a request comes from the page itself, by what browsers say of it; other programs need say nothing.
+
+    An origin has scheme, host and port: another port of this machine, https, and "null" are others.
+    """
+    origins, sites = headers.getlist("origin"), headers.getlist("sec-fetch-site")
+    own = f"http://{headers['host']}"
+    return all(origin == own for origin in origins) and all(site in ("same-origin", "none") for site in sites)
+
+
+class Word(NamedTuple):
+    """What a browser says."""
+
+    viewer: str
+    number: int  # of a prediction
+    arrived_s: float | None  # time.monotonic() of its line; None: it is not drawn
+
+
+def word(body: bytes) -> Word | None:
+    """Return what a body says, None where it is no word of a viewer."""
+    try:
+        said = Word(**json.loads(body))
+    except (ValueError, TypeError, RecursionError):
+        return None
+    is_time = said.arrived_s is None or (
+        type(said.arrived_s) in (int, float) and abs(said.arrived_s) < 2**53  # also for NaN
+    )
+    return said if type(said.viewer) is str and type(said.number) is int and is_time else None
 
 
 def event(name: str, data: dict) -> str:
     """Return an event of a stream as a browser expects it."""
-    return f"event: {name}\ndata: {json.dumps(data)}\n\n"
+    return f"event: {name}\ndata: {outputs.as_json(data)}\n\n"
 
 
 def percentiles(values: list[float]) -> list[float] | None:

@@ -43,7 +43,7 @@ class Session:
 
     def __init__(self, model: Predictor, lines: Lines, say: Callable[[str], None]):
         """say: gets a sentence that the user must know, when it is known."""
-        self.model, self.card, self.lines, self._say = model, model.card, lines, say
+        self.model, self.card, self.lines, self.say = model, model.card, lines, say
         self.notes: list[str] = []
         self.count = 0  # predictions
         self.to_prediction_s: deque[float] = deque(maxlen=KEPT)
@@ -187,7 +187,7 @@ class Session:
 
     def _note(self, sentence: str) -> None:
         self.notes.append(sentence)
-        self._say(sentence)
+        self.say(sentence)
 
     def _time_of_a_step(self) -> float:
         """Return the seconds that a prediction takes, once compiled; the model has then seen nothing."""

@@ -14,7 +14,8 @@ from pipeline.logs import layout, parse
 from pipeline.logs.formats import LOGS, Format
 from pipeline.targets.read import FORMATS
 
-LONGEST_LINE = 1 << 16  # bytes without a line end that are thrown away: a wrong baud rate
+LONGEST_LINE = 1 << 16  # bytes of a line, at least; more without a line end are thrown away: a wrong baud rate
+LONGEST_COLUMN = 64  # bytes of a column, its separator, blanks and words beside it included
 RESET_LINES = 3  # in order, but before the lines so far: the device was reset, as in parse.order after a banner
 OTHER_ARRAY_LINES = 20  # with as many other columns, and none before that fits: the model is of another sensor
 LONGEST_WAIT_S = 2.0  # of a replay, for the next line: a wrong time in a log must not stop it
@@ -63,6 +64,7 @@ class Lines:
         self.format, self.name, self.who, self.order = fmt, name, who, list(order)
         self._printed, self._places = fmt, list(range(len(fmt.columns)))  # as printed, and where each column is then
         self.count, self.rejects, self.rejected = 0, Counter(), ""  # rejected: the last such line
+        self.longest = max(LONGEST_LINE, LONGEST_COLUMN * len(fmt.columns))  # bytes of a line
         self._rest, self._separator, self._second = b"", fmt.separator.encode(), parse.second(fmt)
         self._time = fmt.names.index(fmt.time)
         self._last: float | None = None  # time of the last good line, s
@@ -83,7 +85,7 @@ class Lines:
             lines, self._rest, self._interrupted = [self._rest] if self._rest else [], b"", True
         else:
             *lines, self._rest = (self._rest + data).split(b"\n")
-            if len(self._rest) > LONGEST_LINE:
+            if len(self._rest) > self.longest:
                 lines, self._rest = [*lines, self._rest], b""
         return [reading for reading in map(self._reading, lines) if reading is not None]
 
@@ -99,12 +101,15 @@ class Lines:
             else:
                 self.count += 1
                 self._reject(line.reason, line.text.encode("utf-8"))
+        if endless := self._reader.given_up(self.longest):
+            self.count += 1
+            self._reject(parse.UNREADABLE, endless.encode("utf-8"))
         return [reading for reading in readings if reading is not None]
 
     def _reading(self, line: bytes) -> Reading | None:
         """Return what a line says, or None for one that is counted as rejected or that names the columns."""
         # What ingest says of a line; 50 us for 26 columns.
-        reason = parse._reason(line, self._printed) if len(line) <= LONGEST_LINE else parse.UNREADABLE
+        reason = parse._reason(line, self._printed) if len(line) <= self.longest else parse.UNREADABLE
         if reason == parse.TEXT and self._is_header(line) and self.count == 0:
             return None
         self.count += 1

@@ -338,6 +338,13 @@ class Reader:
             taken += [*self._torn(), *self._spread(None)]
         return taken
 
+    def given_up(self, longest: int) -> str:
+        """Return what has come without a line end, and forget it, where it has more than `longest` characters."""
+        if len(self._rest) <= longest:
+            return ""
+        given_up, self._rest = self._rest, ""
+        return given_up
+
     def _line(self, text: str) -> Iterator[Line]:
         """Yield what follows from one more line."""
         self._number += 1

@@ -1,8 +1,11 @@
 """The recorder, against a pseudo-terminal in place of a device."""
 
 import argparse
+import contextlib
 import errno
 import os
+import pty
+import re
 import signal
 import subprocess
 import sys
@@ -188,6 +191,81 @@ def test_existing_file_and_missing_port_are_one_sentence(device, tmp_path):
     assert old.read_bytes() == b"kept" and not (tmp_path / "new.log").exists()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
+def test_every_way_to_end_loses_nothing(device, start, tmp_path, number):
+    process, log = start(), tmp_path / "new" / "log"
+    sent = numbered(0, 50) + b"123,45"
+    device.print(sent)
+    until(lambda: log.stat().st_size)
+    time.sleep(0.2)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=WAIT_S)
+    assert process.returncode == 0 and "50 lines" in out, err
+    assert log.read_bytes() == sent
+
+
+@pytest.mark.slow
+def test_a_terminal_that_is_closed_ends_a_recording_which_loses_nothing(device, tmp_path):
+    """The terminal is gone: what is said can no longer be written anywhere."""
+    log = tmp_path / "log"
+    line = [sys.executable, "-m", "pipeline.commands.command_line", "record", str(device.path), str(log)]
+    child, terminal = pty.fork()  # in a session of its own, of which it is the terminal
+    if not child:
+        os.chdir(ROOT)
+        os.execv(sys.executable, line)
+    try:
+        until(log.exists, 30)
+        sent = numbered(0, 50) + b"123,45"
+        device.print(sent)
+        until(lambda: log.stat().st_size)
+        time.sleep(0.2)
+        os.close(terminal)
+        ends = []
+        until(lambda: ends.append(os.waitpid(child, os.WNOHANG)) or ends[-1][0])
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL)
+    assert os.waitstatus_to_exitcode(ends[-1][1]) == 0
+    assert log.read_bytes() == sent
+
+
+@pytest.mark.slow
+def test_a_recording_that_ignores_the_end_of_its_terminal_goes_on(device, tmp_path):
+    """As with `nohup`."""
+    log = tmp_path / "log"
+    line = [sys.executable, "-m", "pipeline.commands.command_line", "record", str(device.path), str(log)]
+    process = subprocess.Popen(
+        line,
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
+    )
+    try:
+        assert "recording" in process.stderr.readline()
+        process.send_signal(signal.SIGHUP)
+        time.sleep(0.5)
+        device.print(numbered(0, 10))
+        until(lambda: log.stat().st_size == len(numbered(0, 10)))
+        assert "10 lines" in ended(process)
+    finally:
+        process.kill()
+
+
+def test_words_to_a_terminal_that_is_gone_are_lost_without_an_error():
+    inner, outer = os.openpty()
+    with os.fdopen(outer, "w", buffering=1) as gone:
+        os.close(inner)
+        for _ in range(3):
+            record.say("lines", gone)
+    with open("/dev/full", "w") as full:
+        with pytest.raises(OSError, match="No space"):
+            record.say("lines", full)
+        record.silence(full)
+
+
 class Disk:
     """In place of time and of fsync: `now`, and the bytes that the disk has for certain."""
 
@@ -216,6 +294,124 @@ def test_the_disk_has_every_line_that_is_older_than_a_second(tmp_path, monkeypat
     log.add(b"1,2\n3,")
     log.close()
     assert disk.has == (tmp_path / "log").stat().st_size == sizes[-1] + len(b"1,2\n3,")
+
+
+@pytest.mark.parametrize("delimiter", [b";", b"\x00", b"\x03", b","])
+@pytest.mark.parametrize("first", [b"", b"1,2\n", b"1,2\r3,4\r"])
+def test_what_has_no_line_end_is_written_within_a_second(first, delimiter, tmp_path, monkeypatch):
+    """At 10 bytes and at 1 MB a second, read every 0.1 s: no more than a second and 64 KiB are held back."""
+    disk, log = Disk(monkeypatch), record.Log(tmp_path / "log")
+    log.add(first)
+    sent, came, synced = len(first), [], []
+    for piece in 50 * [9 * b"5" + delimiter] + 20 * [100_000 * delimiter] + 30 * [b""]:
+        log.add(piece)
+        sent += len(piece)
+        came.append(sent)
+        written = (tmp_path / "log").stat().st_size
+        assert sent - written < 1 << 16 and written >= ([0] * 10 + came)[-11]
+        synced.append(written)
+        assert disk.has >= ([0] * 11 + synced)[-12]
+        disk.now += 0.1
+    log.close()
+    assert (tmp_path / "log").read_bytes() == first + 50 * (9 * b"5" + delimiter) + 2_000_000 * delimiter
+
+
+@pytest.mark.parametrize("first", [b"", b"1,2\n", b"1,2\r3,4\r"])
+def test_only_new_bytes_are_searched(first, tmp_path):
+    """16 MB without a line end take 0.1 s; to search all that is kept at each read takes minutes."""
+    log, began = record.Log(tmp_path / "log"), time.process_time()
+    log.add(first)
+    for _ in range(4096):
+        log.add(4096 * b"5")
+        assert len(log.rest) < record.HELD
+    assert time.process_time() - began < 5
+    log.add(b"\n")
+    log.close()
+    assert (tmp_path / "log").stat().st_size == len(first) + (1 << 24) + 1
+
+
+@pytest.mark.parametrize("end", [b"\r", b"\n", b"\r\n", b"\n\r"])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_stamp_is_never_inside_a_line_and_is_true(seed, end, tmp_path, monkeypatch):
+    """In pieces of any length, at any time: the time is that of its end, or within a second after it began."""
+    disk, rng = Disk(monkeypatch), np.random.default_rng(seed)
+    monkeypatch.setattr(record, "SEVERAL", np.inf)  # lines of a packet are not set apart
+    plain = record.Log(tmp_path / "plain")
+    stamped = record.Log(tmp_path / "stamped", lambda: int(1e6 * disk.now))
+    lines = [b"%d,%s" % (k, rng.integers(1, 30) * b"7") for k in range(60)]
+    data, pieces, came = b"".join(line + end for line in lines), [], []
+    while data:
+        cut = int(rng.integers(1, 60))
+        pieces, data = [*pieces, data[:cut]], data[cut:]
+    for piece in pieces:
+        for log in (plain, stamped):
+            log.add(piece)
+        came += [disk.now] * len(piece)
+        for _ in range(int(rng.choice([0, 1, 12]))):
+            disk.now += 0.1
+            for log in (plain, stamped):
+                log.add(b"")
+    for log in (plain, stamped):
+        log.close()
+    assert (tmp_path / "plain").read_bytes() == b"".join(pieces)
+    assert plain.lines == stamped.lines == 60
+    found = [line.split(b",", 1) for line in re.findall(rb"[^\r\n]+", (tmp_path / "stamped").read_bytes())]
+    assert [line for _, line in found] == lines
+    begins = np.cumsum([0] + [len(line + end) for line in lines])[:-1]
+    for (stamp, line), begin in zip(found, begins, strict=True):
+        shown_s = [*came, disk.now][begin + len(line) + (end[0] == 13)]  # what follows a CR shows that it ends a line
+        assert came[begin] - 0.001 < int(stamp) / 1e6 < min(shown_s, came[begin] + 1.0) + 0.001
+    assert (np.diff([int(stamp) for stamp, _ in found]) > 0).all()
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+def test_a_line_that_is_torn_after_its_beginning_was_written_ends(stamped, tmp_path, monkeypatch):
+    disk = Disk(monkeypatch)
+    log = record.Log(tmp_path / "log", (lambda: int(1e6 * disk.now)) if stamped else None)
+    log.add(b"1,2\n3,")
+    disk.now += 1.0
+    log.add(b"")
+    log.tear()
+    log.tear()
+    disk.now += 1.0
+    log.add(b"5,6\n")
+    log.close()
+    times = [b"100000000,", b"101000000,", b"102000000,"] if stamped else 3 * [b""]
+    assert (tmp_path / "log").read_bytes() == b"%s1,2\n%s3,\n%s5,6\n" % tuple(times)
+
+
+@pytest.mark.parametrize(
+    ("piece", "words"),
+    [
+        (b"12345,", ["no end of a line"]),
+        (b"12345;", ["no end of a line"]),
+        (b"12345\x00", ["no end of a line"]),  # a delimiter, no wrong baud rate
+        (b"\x0212\x03", ["no end of a line"]),
+        (b"\x0012\x80\xff", ["only 40 % of", "no end of a line"]),
+        (b"\x00\x00\x00\x001", ["only 20 % of", "no end of a line"]),
+        (b"12345\n", []),
+        (b"12345\r", []),
+        (b"\xf0\n\x80\xff\n", ["only 40 % of"]),
+    ],
+)
+def test_two_questions_of_what_arrives_end_apart(piece, words, monkeypatch, capsys):
+    disk, text = Disk(monkeypatch), record._Text("port")
+    for _ in range(200):
+        text.judge(20 * piece)
+        disk.now += 0.1
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == len(words) and all(word in line for word, line in zip(words, said, strict=True)), said
+
+
+def test_a_device_that_rests_within_a_line_is_not_said_to_end_none(monkeypatch, capsys):
+    disk, text = Disk(monkeypatch), record._Text("port")
+    for piece in (b"1,2\n", b"3,", b"4\n5", b",6\n", b"7,8\n"):
+        text.judge(piece)
+        disk.now += 4.0
+    text.judge(b"9")  # an hour of rest is none of the time in which bytes came
+    disk.now += 3600.0
+    text.judge(b"\n")
+    assert not capsys.readouterr().err
 
 
 def test_the_disk_has_a_torn_line_before_the_device_is_waited_for(tmp_path, monkeypatch):

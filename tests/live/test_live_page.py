@@ -1,5 +1,9 @@
 """A device on a serial port, the command, and the page in a real browser: all as a user has them."""
 
+import contextlib
+import os
+import pty
+import signal
 import subprocess
 import sys
 import threading
@@ -65,6 +69,38 @@ def test_a_device_is_shown_recorded_and_may_vanish(tmp_path, package, tab):
     assert f"{len(data)} lines, " in said
     assert log.read_bytes() == b"".join(data)
     assert process.returncode == 0
+
+
+def test_a_terminal_that_is_closed_ends_a_session_which_records_all(tmp_path, package):
+    """With CSV on the terminal: it cannot be written any more, and what is under way is recorded."""
+    device, log = Device(tmp_path / "port"), tmp_path / "array.log"
+    data = printed(press(100))
+    line = [sys.executable, "-m", "pipeline.commands.command_line", "live", str(package("linear")), "--csv"]
+    line += ["--port", str(device.path), "--record", str(log)]
+    child, terminal = pty.fork()  # in a session of its own, of which it is the terminal
+    if not child:
+        os.chdir(ROOT)
+        os.execv(sys.executable, line)
+    os.set_blocking(terminal, False)
+    shown, ends = [], []
+
+    def rows() -> int:
+        with contextlib.suppress(BlockingIOError):
+            shown.append(os.read(terminal, 1 << 16))
+        return b"".join(shown).partition(b"t_s,latency_ms")[2].count(b"\n")
+
+    try:
+        until(lambda: rows() > 0, 60)
+        device.print(data[:-30])
+        until(lambda: rows() > 60)
+        os.close(terminal)
+        device.print(data[-30:-3])
+        until(lambda: ends.append(os.waitpid(child, os.WNOHANG)) or ends[-1][0])
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL)
+    assert os.waitstatus_to_exitcode(ends[-1][1]) == 0
+    assert log.read_bytes() == data[:-3]
 
 
 def test_a_replay_ends_by_itself(tmp_path, package):

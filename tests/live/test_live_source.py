@@ -1,16 +1,19 @@
 """Lines become readings as in ingest, one by one, and a recorded log is replayed at its speed."""
 
 import argparse
+import copy
 import time
 from collections import Counter
 
+import numpy as np
 import pytest
-from builders.live_models import COLS, ROWS, press, printed
+from builders.live_models import COLS, ROWS, TOUCH, press, printed
 
 from pipeline.base.errors import InputError
 from pipeline.commands import live
 from pipeline.inference import card as cards
 from pipeline.live.source import Lines, line_format, replay
+from pipeline.targets.read import FORMATS
 
 
 @pytest.fixture
@@ -101,3 +104,29 @@ def test_a_replay_of_what_is_no_log_fails(package, workspace, tmp_path, capsys):
         with pytest.raises(InputError, match=words):
             live.main(workspace, argparse.Namespace(**given, replay=tmp_path / name))
     assert "http://" not in capsys.readouterr().err
+
+
+def wide(n: int, laid_out: dict | None = None) -> Lines:
+    """Lines of an array of n x n elements."""
+    reading = copy.deepcopy(TOUCH)
+    reading["sensor"] |= {"rows": n, "cols": n}
+    return Lines(FORMATS["touch"](reading), "array.log", "touch/linear", laid_out=laid_out)
+
+
+@pytest.mark.parametrize("n", [5, 64, 128, 200])
+@pytest.mark.parametrize("laid_out", [None, {"separator": ";", "time": 1}])
+def test_a_line_may_be_as_long_as_its_columns_need(n, laid_out):
+    """A line of 128 x 128 elements has 100 kB, in pieces of 4 kB; noise between lines is still given up."""
+    lines, rng = wide(n, laid_out), np.random.default_rng(0)
+    readings = rng.integers(0, 1024, (3, n * n))
+    data = printed(readings).replace(b",", b";" if laid_out else b",")
+    found = [reading for k in range(0, len(data), 4096) for reading in lines.take(data[k : k + 4096])]
+    assert [reading.values.tolist() for reading in found] == readings.tolist()
+    assert not lines.rejects
+    noise = b"5" * 4096
+    for _ in range(2 * lines.longest // len(noise) + 2):
+        assert lines.take(noise) == []
+        assert len(lines._rest) + len(lines._reader._rest if laid_out else "") <= lines.longest
+    assert sum(lines.rejects.values()) >= 2
+    (reading,) = lines.take(b"\n" + printed(readings[:1], begin_us=9_000_000).replace(b",", b";" if laid_out else b","))
+    assert reading.values.tolist() == readings[0].tolist()
