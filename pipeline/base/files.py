@@ -20,6 +20,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from pipeline.base import foreign
 from pipeline.base.errors import InputError, storage_error
 
 BLOCK = 1 << 20  # bytes of a log that are read at once
@@ -178,9 +179,10 @@ def content_sha256(path: Path) -> str:
     """
     with open(path, "rb") as file:
         start = file.read(3)
+    unpacks = foreign.reading(path, "a whole log, where it is compressed", "compress it again")
     packed = gzip.open if start.startswith(b"\x1f\x8b") else bz2.open if start == b"BZh" else open
     digest = hashlib.sha256()
-    with packed(path, "rb") as file:
+    with unpacks, packed(path, "rb") as file:
         block = file.read(BLOCK).removeprefix(b"\xef\xbb\xbf")
         while block:
             digest.update(block.translate(None, b"\r\n"))

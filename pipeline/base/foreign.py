@@ -68,9 +68,10 @@ def apart(
     if kind == REFUSED:
         raise InputError(answer)
     if kind == NO_MEMORY:
-        raise InputError(f"{path}: takes more than {memory >> 20} MiB of memory to read, {what} does not; {remedy}")
+        more = f"takes more than {memory >> 20} MiB of memory to read, and the data cannot need that"
+        raise InputError(f"{path}: {more}; {remedy}")
     if kind == LATE:
-        raise InputError(f"{path}: takes more than {seconds:g} s to read, {what} does not; {remedy}")
+        raise InputError(f"{path}: takes more than {seconds:g} s to read; {remedy}")
     raise InputError(f"{path}: not {what} ({answer}); {remedy}")
 
 
@@ -80,8 +81,7 @@ def check_archive(path: Path, what: str, remedy: str) -> None:
         unpacked, size = sum(member.file_size for member in archive.infolist()), path.stat().st_size
         if unpacked > max(SMALL, PACKED * size):
             raise InputError(
-                f"{path}: its {size} bytes unpack to {unpacked}, more than {PACKED} times as many, which {what} does "
-                f"not; {remedy}"
+                f"{path}: its {size} bytes unpack to {unpacked}, and readings do not shrink to 1/{PACKED}; {remedy}"
             )
 
 

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import torch
-from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import nn
 
+from pipeline.base import foreign
 from pipeline.base.errors import InputError
 
 NETWORK_FILE = "network.safetensors"
@@ -41,10 +41,8 @@ def save(folder: Path, tensors: Mapping[str, torch.Tensor]) -> None:
 def read(folder: Path) -> dict[str, torch.Tensor]:
     """Return the tensors of NETWORK_FILE in `folder` by name; InputError where the file is absent or damaged."""
     path = existing(Path(folder) / NETWORK_FILE)
-    try:
+    with foreign.reading(path, "a whole file of weights", "train the model again"):
         return load_file(path)
-    except SafetensorError as error:
-        raise InputError(f"{path}: damaged ({str(error)[:200]}); train the model again") from error
 
 
 def load(module: nn.Module, tensors: Mapping[str, torch.Tensor], folder: Path) -> None:

@@ -11,6 +11,7 @@ import io
 import re
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -77,12 +78,19 @@ def of(ingest: Mapping, name: str) -> Mapping | None:
     return given.get(name, given.get(re.sub(r"_\d+\.log$", ".log", name)))
 
 
-def opened(path: Path) -> BinaryIO:
-    """Open a log, compressed by gzip or not."""
-    file = path.open("rb")
-    start = file.read(2)
-    file.seek(0)
-    return gzip.open(file) if start == GZIP else file
+@contextmanager
+def opened(path: Path) -> Iterator[BinaryIO]:
+    """Open a log, compressed by gzip or not, which is read in parts: what it unpacks to needs no limit.
+
+    Raises InputError where the compression is broken.
+    """
+    with path.open("rb") as file:
+        start = file.read(2)
+        file.seek(0)
+        try:
+            yield gzip.open(file) if start == GZIP else file
+        except BROKEN as error:
+            raise InputError(f"{path}: its gzip compression is broken ({error}); compress it again") from error
 
 
 def line_end(text: str) -> str | None:
@@ -715,17 +723,14 @@ def filled(path: Path, layout: Mapping, fmt: Format) -> dict[str, tuple[int, int
 
 def _read(path: Path, reader: Reader) -> Iterator[list[Line]]:
     """Yield what a reader makes of the lines of a log, block by block; the first one tells whether lines are copies."""
-    try:
-        with opened(path) as file:
-            if reader.layout.repeats == "spread":
-                first = Reader(reader.layout.model_dump(exclude_unset=True), reader.format, reader.where)
-                first.take(file.read(BLOCK))
-                file.seek(0)
-                reader.copies = first.copies
-            while block := file.read(BLOCK):
-                yield reader.take(block)
-    except BROKEN as error:
-        raise InputError(f"{path}: its gzip compression is broken ({error}); compress it again") from error
+    with opened(path) as file:
+        if reader.layout.repeats == "spread":
+            first = Reader(reader.layout.model_dump(exclude_unset=True), reader.format, reader.where)
+            first.take(file.read(BLOCK))
+            file.seek(0)
+            reader.copies = first.copies
+        while block := file.read(BLOCK):
+            yield reader.take(block)
     yield reader.take(b"", last=True)
     reader.check_named()
 

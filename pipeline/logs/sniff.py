@@ -106,8 +106,8 @@ def proposed(path: Path, fmt: Format) -> Proposal | str | None:
     try:
         with layout.opened(path) as file:
             start = file.read(START)
-    except layout.BROKEN as error:
-        return f"{path}: its gzip compression is broken ({error}); compress it again"
+    except InputError as error:
+        return str(error)
     if not start:
         return None
     encoding = _encoding(start)

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from scipy import stats
 
-from pipeline.base import params, paths
+from pipeline.base import foreign, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, schemas
@@ -124,10 +124,8 @@ def scale_of(metric: str) -> str:
 
 def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
     """Read a CSV table that has at least `columns`. Raises InputError otherwise."""
-    try:
-        table = parse_csv(paths.require(path, made_by).read_bytes())
-    except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a CSV table ({error}); run `{made_by}` again") from error
+    with foreign.reading(paths.require(path, made_by), "a CSV table", f"run `{made_by}` again"):
+        table = parse_csv(path.read_bytes())
     for column in columns:
         if column not in table.columns:
             raise InputError(f"{path}: column '{column}' is missing; run `{made_by}` again")
