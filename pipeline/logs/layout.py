@@ -20,6 +20,7 @@ from typing import BinaryIO, NamedTuple
 from pipeline.base.errors import InputError
 from pipeline.logs import units
 from pipeline.logs.formats import COLUMNS, DUPLICATE, NOT_A_NUMBER, UNIT, UNREADABLE, Format
+from pipeline.settings import patterns
 from pipeline.settings.shared import Layout
 
 TEXT = "text"  # the separator that stands for anything between two numbers
@@ -45,7 +46,7 @@ _FLOAT = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _NAN = re.compile(r"[-+]?nan|null|none|n/a|na", re.IGNORECASE)
 _WORD = re.compile(r"[^\W\d_eE]|%")  # in a line that is not of numbers alone
 FRACTION = re.compile(r":[0-9]{1,2}\.[0-9]")  # of a second
-_DIRECTIVES = {"Y": "[0-9]{4}", "f": "[0-9]{1,9}", "b": "[A-Za-z]{3}", "B": "[A-Za-z]+", "p": "[AaPp][Mm]"}
+_DIRECTIVES = {"Y": "[0-9]{4}", "f": "[0-9]{1,9}", "b": "[A-Za-z]{3}", "B": "[A-Za-z]{3,9}", "p": "[AaPp][Mm]"}
 
 
 def _numbers(decimal: str) -> re.Pattern:
@@ -244,8 +245,8 @@ class Reader:
         given = self.layout
         self._decode = codecs.getincrementaldecoder(given.encoding)("replace").decode
         self._rest, self._end, self._number, self._count, self._begun = "", None, 0, 0, False
-        self._strip = [re.compile(pattern) for pattern in given.strip]
-        self._begins = None if given.frame_begins is None else re.compile(given.frame_begins)
+        self._strip = [patterns.compiled(pattern) for pattern in given.strip]
+        self._begins = None if given.frame_begins is None else patterns.compiled(given.frame_begins)
         self._blanks = " \t" if given.separator == TEXT else f" \t{given.separator}"
         self._timed = given.rate_hz is None and (self._begins is None or not self._begins.groups)  # a line has its time
         self._searched = None  # what the time looks like, where it is found anywhere in a line
