@@ -2,8 +2,7 @@
 
 import json
 
-from pipeline.base import paths
-from pipeline.base.errors import InputError
+from pipeline.base import foreign, paths
 from pipeline.base.paths import Workspace
 
 
@@ -13,13 +12,9 @@ def why_not_run(workspace: Workspace, experiment: str) -> str | None:
     Raises InputError if the report of ingest is missing or is not JSON.
     """
     path = paths.require(workspace.ingest_report(experiment), f"python -m pipeline.stages.ingest {experiment}")
-    try:
+    with foreign.reading(path, "a report of ingest", f"run `python -m pipeline.stages.ingest {experiment}`"):
         report = json.loads(path.read_text(encoding="utf-8"))
         return None if report["run"] else report["reason"]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(
-            f"{path}: no report of ingest ({error}); run `python -m pipeline.stages.ingest {experiment}`"
-        ) from error
 
 
 def has_report(workspace: Workspace, experiment: str) -> bool:

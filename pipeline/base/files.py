@@ -20,6 +20,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from pipeline.base import foreign
 from pipeline.base.errors import InputError, storage_error
 
 BLOCK = 1 << 20  # bytes of a log that are read at once
@@ -221,15 +222,16 @@ def content_sha256(path: Path) -> str:
 
     It is that of the unpacked bytes (gzip, bzip2) without line ends and without the byte order mark of an editor.
     """
+    digest = hashlib.sha256()
     with open(path, "rb") as file:
         start = file.read(3)
-    packed = gzip.open if start.startswith(b"\x1f\x8b") else bz2.open if start == b"BZh" else open
-    digest = hashlib.sha256()
-    with packed(path, "rb") as file:
-        block = file.read(BLOCK).removeprefix(b"\xef\xbb\xbf")
-        while block:
-            digest.update(block.translate(None, b"\r\n"))
-            block = file.read(BLOCK)
+    with foreign.reading(path, "a whole log, where it is compressed", "compress it again"):
+        packed = gzip.open if start.startswith(b"\x1f\x8b") else bz2.open if start == b"BZh" else open
+        with packed(path, "rb") as file:
+            block = file.read(BLOCK).removeprefix(b"\xef\xbb\xbf")
+            while block:
+                digest.update(block.translate(None, b"\r\n"))
+                block = file.read(BLOCK)
     return digest.hexdigest()
 
 

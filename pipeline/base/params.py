@@ -15,10 +15,10 @@ from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import ValidationError
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 
-from pipeline.base import paths
+from pipeline.base import foreign, paths
 from pipeline.base.errors import InputError
 from pipeline.settings import Experiment, Params
 from pipeline.settings.models import Models
@@ -105,12 +105,12 @@ def parsed(path: Path):
     """Return a YAML file's content, read as DVC reads it: YAML 1.2, each key once; InputError where it is not YAML."""
     name = name_of(path)
     _check_file(path)
-    try:
-        return copy.deepcopy(_content(path.read_text(encoding="utf-8"), name))
-    except (YAMLError, ValueError) as error:  # ValueError: no UTF-8, or a date like 2020-13-01
-        mark = getattr(error, "problem_mark", None)
-        where = f", line {mark.line + 1}" if mark else ""
-        raise InputError(f"{name}{where}: not valid YAML ({getattr(error, 'problem', error)}); fix it") from error
+    with foreign.reading(name, "valid YAML", "fix it"):  # no UTF-8, or a date like 2020-13-01
+        try:
+            return copy.deepcopy(_content(path.read_text(encoding="utf-8"), name))
+        except MarkedYAMLError as error:
+            where = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+            raise InputError(f"{name}{where}: not valid YAML ({error.problem}); fix it") from error
 
 
 @lru_cache(maxsize=64)
@@ -126,7 +126,7 @@ def _content(text: str, name: str):
     return reader.load(text)
 
 
-def _shown(value) -> str:
+def shown(value) -> str:
     """Return a setting as text, shortened."""
     short = reprlib.Repr()
     short.maxstring = short.maxother = short.maxlong = 60
@@ -151,7 +151,7 @@ def check_block(given, kind: type[Block], where: str, sources: Mapping[str, str]
     file = next((file for dotted, file in (sources or {}).items() if share(dotted, name)), file_of(name))
     block, place = file + ", " + (inside or "top level"), file + ", " + (name or "top level")
     if fault["type"] == "invalid_key":
-        raise InputError(f"{block}: expected text as a key, got {_shown(key)}")
+        raise InputError(f"{block}: expected text as a key, got {shown(key)}")
     if fault["type"] == "extra_forbidden" and _at(kind, path)[0] is Models:
         raise InputError(f"{block}: there is no pipeline/models/{key}.py; {hint(key, Models.model_fields)}")
     if fault["type"] == "extra_forbidden":
@@ -165,7 +165,7 @@ def check_block(given, kind: type[Block], where: str, sources: Mapping[str, str]
     if fault["type"] in ("model_type", "dict_type"):
         keys = expected.model_fields if isinstance(expected, type) and issubclass(expected, Block) else {}
         wrong = f"input should be a block of settings ({', '.join(keys)})" if keys else "input should be a block"
-    raise InputError(f"{place}: {wrong}, got {_shown(fault['input'])}{meaning}")
+    raise InputError(f"{place}: {wrong}, got {shown(fault['input'])}{meaning}")
 
 
 def _dotted(*names) -> str:

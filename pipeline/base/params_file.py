@@ -6,7 +6,7 @@ from pathlib import Path
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from pipeline.base import files, params
+from pipeline.base import files, foreign, params
 from pipeline.base.errors import InputError
 
 
@@ -37,7 +37,8 @@ def set_values(values: dict, params_file: Path, source: str = "params.yaml") -> 
         *above, last = dotted.split(".")
         file = next((file for file, blocks in found.items() if dotted.partition(".")[0] in blocks), params_file)
         if file not in changed:
-            changed[file] = editor.load(file.read_text(encoding="utf-8"))
+            with foreign.reading(params.name_of(file), "valid YAML", "fix it"):
+                changed[file] = editor.load(file.read_text(encoding="utf-8"))
         block = whole = changed[file]
         for key in [*above, last]:
             known = isinstance(block, dict) and (key in block or (key == last and params.is_optional(dotted)))

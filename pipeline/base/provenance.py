@@ -6,9 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
-from pipeline.base import paths
+from pipeline.base import foreign, paths
 from pipeline.base.errors import InputError
 from pipeline.base.params import file_of
 from pipeline.base.paths import Workspace
@@ -29,7 +28,8 @@ def git_state(workspace: Workspace, of: Sequence[str] = (".", ":!dvc.lock", ":!r
         changes = _git(workspace, "status", "--porcelain", "--", *of)
     except (OSError, ValueError, subprocess.CalledProcessError):
         pack = paths.CODE.parent / "pack.json"
-        packed = pack.is_file() and json.loads(pack.read_text(encoding="utf-8"))["commit"]
+        with foreign.reading(pack, "what `tactile pack` wrote", "pack again"):
+            packed = pack.is_file() and json.loads(pack.read_text(encoding="utf-8"))["commit"]
         return (packed, "false") if packed else (UNKNOWN, UNKNOWN)
     return commit, "true" if changes else "false"
 
@@ -42,15 +42,13 @@ def check_settings(workspace: Workspace, experiments: Iterable[str], params: dic
     path = workspace.root / "dvc.lock"
     if not path.is_file():
         return
-    try:
+    with foreign.reading("dvc.lock", "whole", "delete it and run `dvc repro`"):
         stages = YAML(typ="safe").load(path.read_text(encoding="utf-8"))["stages"].values()
         made_with = {
             out["path"]: {key: value for file in stage.get("params", {}).values() for key, value in file.items()}
             for stage in stages
             for out in stage.get("outs", [])
         }
-    except (YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError("dvc.lock: was cut short or damaged; delete it and run `dvc repro`") from error
     for experiment in experiments:
         for output in (workspace.scores(experiment), workspace.models(experiment)):
             file = output.relative_to(workspace.root).as_posix()

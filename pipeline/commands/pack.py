@@ -28,7 +28,7 @@ SETTINGS = ("params.yaml", "params", "evidence/shards.yaml")  # of the workspace
 CODE = ("pipeline", "constraints.txt")  # beside which run.py goes, at the top of the archive
 RUN = "evidence/run.py"
 # What a shard imports and a machine for machine learning may lack; it takes those that it has not in this version.
-PACKAGES = ("annotated-types", "pydantic", "pydantic-core", "typing-extensions", "typing-inspection")
+PACKAGES = ("annotated-types", "google-re2", "pydantic", "pydantic-core", "typing-extensions", "typing-inspection")
 PACKAGES += ("ruamel.yaml", "ruamel.yaml.clib", "skops")
 PYTHON = "3.12"  # of the other machine, for which the compiled packages are
 PLATFORMS = ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64")

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pipeline.base import files, params, paths
+from pipeline.base import files, foreign, params, paths
 from pipeline.base.errors import InputError
 
 KEYS = ("stop_reason", "best_epoch", "epochs", "parameters", "macs", "precision", "settings")
@@ -30,11 +30,10 @@ def read(folder: Path, made_by: str) -> dict:
     made_by: the command that trains the run.
     """
     path = paths.require(folder / "fit.json", made_by)
-    try:
+    with foreign.reading(path, "a summary of a training", f"run `{made_by}` again"):
         fit = json.loads(path.read_text(encoding="utf-8"))
         absent = [key for key in KEYS if key not in fit]
-    except (OSError, ValueError, TypeError, RecursionError) as error:
-        raise InputError(f"{path}: no fit summary ({error}); run `{made_by}` again") from error
+        fit = dict(fit)
     if absent:
         raise InputError(f"{path}: key '{absent[0]}' is missing; run `{made_by}` again")
     return fit

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute
 import pyarrow.parquet
 
-from pipeline.base import files
+from pipeline.base import files, foreign
 from pipeline.base.errors import InputError
 
 LONG = 1.5  # median intervals; a longer one means that a frame is missing. Times are of frames, not of packets
@@ -154,11 +154,9 @@ def read(path: Path, columns: Sequence[str] = (), where: pyarrow.compute.Express
 
     Raises InputError where the file is damaged or lacks a column.
     """
-    try:
+    with foreign.reading(path, "a whole Parquet file", "delete it and run `dvc repro`"):
         table = pyarrow.parquet.read_table(path, columns=list(columns) or None, filters=where)
         return having(table, columns, path)
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # UnicodeDecodeError: names are decoded when used
-        raise InputError(f"{path}: damaged ({str(error)[:200]}); delete it and run `dvc repro`") from error
 
 
 def having(table: pa.Table, columns: Sequence[str], path: Path) -> pa.Table:

@@ -21,6 +21,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pyarrow as pa
 
+from pipeline.base import foreign
 from pipeline.base.errors import InputError
 from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas
@@ -226,17 +227,12 @@ class _Tree(ElementTree.TreeBuilder):
 
 def _parsed(path: Path) -> ElementTree.Element:
     """Parse the file's XML. Raises InputError where the file is cut, damaged, too large or of another kind."""
-    try:
-        with bz2.open(path) as file:
-            content = file.read(LARGEST_CONTENT + 1)
-    except (OSError, EOFError) as error:
-        raise InputError(f"{path}: not a whole bzip2 file ({error}); fetch it again") from error
+    with foreign.reading(path, "a whole bzip2 file", "fetch it again"), bz2.open(path) as file:
+        content = file.read(LARGEST_CONTENT + 1)
     if len(content) > LARGEST_CONTENT:
         raise InputError(f"{path}: more than the {LARGEST_CONTENT} bytes that a grasp can have; check the file")
-    try:
+    with foreign.reading(path, "whole XML", "fetch it again"):
         return ElementTree.fromstring(content.decode(), ElementTree.XMLParser(target=_Tree()))
-    except (ValueError, ElementTree.ParseError) as error:
-        raise InputError(f"{path}: not whole XML ({error}); fetch it again") from error
 
 
 def _check_layout(path: Path, root: ElementTree.Element) -> None:

@@ -11,8 +11,8 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import nn
 
+from pipeline.base import foreign
 from pipeline.base.errors import InputError
-from pipeline.base.foreign import reading
 
 NETWORK_FILE = "network.safetensors"
 
@@ -41,7 +41,7 @@ def save(folder: Path, tensors: Mapping[str, torch.Tensor]) -> None:
 def read(folder: Path) -> dict[str, torch.Tensor]:
     """Return the tensors of NETWORK_FILE in `folder` by name; InputError where the file is absent or damaged."""
     path = existing(Path(folder) / NETWORK_FILE)
-    with reading(path, "a whole file of weights", "train the model again"):
+    with foreign.reading(path, "a whole file of weights", "train the model again"):
         return load_file(path)
 
 

@@ -11,6 +11,7 @@ import io
 import re
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -19,6 +20,7 @@ from typing import BinaryIO, NamedTuple
 from pipeline.base.errors import InputError
 from pipeline.logs import units
 from pipeline.logs.formats import COLUMNS, DUPLICATE, NOT_A_NUMBER, UNIT, UNREADABLE, Format
+from pipeline.settings import patterns
 from pipeline.settings.shared import Layout
 
 TEXT = "text"  # the separator that stands for anything between two numbers
@@ -44,7 +46,7 @@ _FLOAT = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _NAN = re.compile(r"[-+]?nan|null|none|n/a|na", re.IGNORECASE)
 _WORD = re.compile(r"[^\W\d_eE]|%")  # in a line that is not of numbers alone
 FRACTION = re.compile(r":[0-9]{1,2}\.[0-9]")  # of a second
-_DIRECTIVES = {"Y": "[0-9]{4}", "f": "[0-9]{1,9}", "b": "[A-Za-z]{3}", "B": "[A-Za-z]+", "p": "[AaPp][Mm]"}
+_DIRECTIVES = {"Y": "[0-9]{4}", "f": "[0-9]{1,9}", "b": "[A-Za-z]{3}", "B": "[A-Za-z]{3,9}", "p": "[AaPp][Mm]"}
 
 
 def _numbers(decimal: str) -> re.Pattern:
@@ -77,12 +79,19 @@ def of(ingest: Mapping, name: str) -> Mapping | None:
     return given.get(name, given.get(re.sub(r"_\d+\.log$", ".log", name)))
 
 
-def opened(path: Path) -> BinaryIO:
-    """Open a log, compressed by gzip or not."""
-    file = path.open("rb")
-    start = file.read(2)
-    file.seek(0)
-    return gzip.open(file) if start == GZIP else file
+@contextmanager
+def opened(path: Path) -> Iterator[BinaryIO]:
+    """Open a log, compressed by gzip or not, which is read in parts: what it unpacks to needs no limit.
+
+    Raises InputError where the compression is broken.
+    """
+    with path.open("rb") as file:
+        start = file.read(2)
+        file.seek(0)
+        try:
+            yield gzip.open(file) if start == GZIP else file
+        except BROKEN as error:
+            raise InputError(f"{path}: its gzip compression is broken ({error}); compress it again") from error
 
 
 def line_end(text: str) -> str | None:
@@ -236,8 +245,8 @@ class Reader:
         given = self.layout
         self._decode = codecs.getincrementaldecoder(given.encoding)("replace").decode
         self._rest, self._end, self._number, self._count, self._begun = "", None, 0, 0, False
-        self._strip = [re.compile(pattern) for pattern in given.strip]
-        self._begins = None if given.frame_begins is None else re.compile(given.frame_begins)
+        self._strip = [patterns.compiled(pattern) for pattern in given.strip]
+        self._begins = None if given.frame_begins is None else patterns.compiled(given.frame_begins)
         self._blanks = " \t" if given.separator == TEXT else f" \t{given.separator}"
         self._timed = given.rate_hz is None and (self._begins is None or not self._begins.groups)  # a line has its time
         self._searched = None  # what the time looks like, where it is found anywhere in a line
@@ -722,17 +731,14 @@ def filled(path: Path, layout: Mapping, fmt: Format) -> dict[str, tuple[int, int
 
 def _read(path: Path, reader: Reader) -> Iterator[list[Line]]:
     """Yield what a reader makes of the lines of a log, block by block; the first one tells whether lines are copies."""
-    try:
-        with opened(path) as file:
-            if reader.layout.repeats == "spread":
-                first = Reader(reader.layout.model_dump(exclude_unset=True), reader.format, reader.where)
-                first.take(file.read(BLOCK))
-                file.seek(0)
-                reader.copies = first.copies
-            while block := file.read(BLOCK):
-                yield reader.take(block)
-    except BROKEN as error:
-        raise InputError(f"{path}: its gzip compression is broken ({error}); compress it again") from error
+    with opened(path) as file:
+        if reader.layout.repeats == "spread":
+            first = Reader(reader.layout.model_dump(exclude_unset=True), reader.format, reader.where)
+            first.take(file.read(BLOCK))
+            file.seek(0)
+            reader.copies = first.copies
+        while block := file.read(BLOCK):
+            yield reader.take(block)
     yield reader.take(b"", last=True)
     reader.check_named()
 

@@ -18,6 +18,7 @@ from pipeline.base.errors import InputError
 from pipeline.logs import layout, units
 from pipeline.logs.formats import Column, Format
 from pipeline.logs.units import PLAUSIBLE_S
+from pipeline.settings.patterns import ZONE
 
 START, LINES = 1 << 18, 600  # bytes and lines that are looked at
 SHARE = 0.8  # of the lines with a number in them that have to be alike
@@ -39,7 +40,6 @@ TRIED = 50  # lines on which a pattern of times is tried
 DATES = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y")
 CLOCKS = ("%I:%M:%S.%f %p", "%I:%M:%S %p", "%H:%M:%S.%f", "%H:%M:%S,%f", "%H:%M:%S")
 PATTERNS = (*(f"{date}{gap}{clock}" for clock in CLOCKS for date in DATES for gap in " T,;\t"), *CLOCKS)
-ZONE = r"(?<=[0-9])(Z|[+-][0-9]{2}:[0-9]{2})(?![0-9:])"
 CHECKSUM = r"\*[0-9A-Fa-f]{2}$"
 SEPARATORS = (",", ";", "\t", "|", " ")
 TIME = re.compile(r"time|stamp|millis|micros|^t(_|$)|^ts$|^sec", re.IGNORECASE)
@@ -106,8 +106,8 @@ def proposed(path: Path, fmt: Format) -> Proposal | str | None:
     try:
         with layout.opened(path) as file:
             start = file.read(START)
-    except layout.BROKEN as error:
-        return f"{path}: its gzip compression is broken ({error}); compress it again"
+    except InputError as error:
+        return str(error)
     if not start:
         return None
     encoding = _encoding(start)

@@ -1,17 +1,18 @@
 """Turn files of columns, of MATLAB, numpy, workbooks or text, into text of lines, which is read as any other log."""
 
 import re
-import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from pipeline.base import foreign
 from pipeline.base.errors import InputError
 from pipeline.logs import matlab
 
 LARGEST = 1 << 30  # bytes of a file; as text it takes about three times as many
+LIMITS = {"memory": 4 * LARGEST, "seconds": 600}  # of reading
 LEAST = 3  # values of a column; fewer are settings of the recording
 WORKBOOKS, OTHER_WORKBOOKS = (".xlsx", ".xlsm"), (".xls", ".ods")
 
@@ -54,10 +55,9 @@ def text_of(path: Path, folder: Path) -> dict[str, Path]:
 
 def _of_workbook(path: Path, folder: Path) -> dict[str, Path]:
     """Write the values of each sheet of a workbook as text, without the formulas that made them."""
-    try:
-        sheets = pd.read_excel(path, sheet_name=None, header=None, engine="openpyxl")
-    except (ValueError, OSError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not a whole workbook ({error}); open it and save it again as .xlsx") from error
+    what, remedy = "a whole workbook", "open it and save it again as .xlsx"
+    foreign.check_archive(path, what, remedy)
+    sheets = foreign.apart(path, what, remedy, _sheets, path, **LIMITS)
     texts = {}
     for number, (sheet, cells) in enumerate(sheets.items()):
         if len(cells) >= LEAST:
@@ -69,13 +69,20 @@ def _of_workbook(path: Path, folder: Path) -> dict[str, Path]:
     return texts
 
 
+def _sheets(path: Path) -> dict[str, pd.DataFrame]:
+    return pd.read_excel(path, sheet_name=None, header=None, engine="openpyxl")
+
+
 def _of_numpy(path: Path) -> dict[str, np.ndarray]:
     """Return the arrays of a file of numpy, of which nothing is executed."""
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not a whole file of numpy's savez, or one of objects ({error})") from error
+    what, remedy = "a whole file of numpy's savez, or one of objects", "save arrays of numbers again"
+    foreign.check_archive(path, what, remedy)
+    return foreign.apart(path, what, remedy, _arrays, path, **LIMITS)
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
 
 
 def _columns(variables: Mapping, above: str = "") -> Iterator[tuple[str, np.ndarray]]:

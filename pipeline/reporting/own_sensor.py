@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments
-from pipeline.base import files, paths
+from pipeline.base import files, foreign, paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.reporting import coverage
@@ -56,7 +56,9 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
     """Write README.md, scores.csv and the figures to `target`; settings: the experiment's block of settings."""
     kind, rows = experiments.module(experiment).KIND, read_windows(workspace, experiment)
     report = Report(workspace, experiment, settings)
-    ingested = json.loads(paths.require(workspace.ingest_report(experiment), "tactile own").read_text(encoding="utf-8"))
+    path = paths.require(workspace.ingest_report(experiment), "tactile own")
+    with foreign.reading(path, "a report of ingest", "run `tactile own` again"):
+        ingested = json.loads(path.read_text(encoding="utf-8"))
     files.write_text(target / "scores.csv", workspace.scores(experiment).read_text(encoding="utf-8"))
     unknown = PLACE if kind == "windows" and settings["sensor"]["rows"] * settings["sensor"]["cols"] == 1 else ()
     places = {}

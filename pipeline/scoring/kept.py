@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from pipeline.base import foreign
+
 
 def kept_rows(path: Path, experiments: Collection[str], text: bool = False) -> pd.DataFrame:
     """Return the rows of a table that are of these experiments, and say so; none where there is no such file.
@@ -18,7 +20,9 @@ def kept_rows(path: Path, experiments: Collection[str], text: bool = False) -> p
     if not path.is_file():
         return pd.DataFrame(columns=["experiment"])
     how = {"dtype": str, "keep_default_na": False} if text else {}
-    table = pd.read_csv(path, **how)
+    with foreign.reading(path, "a CSV table", "get it again from git, or delete it"):
+        table = pd.read_csv(path, **how)
+        table["experiment"]  # KeyError where it is another table
     rows = table[table["experiment"].isin(experiments)]
     if len(rows):
         say_kept(path.name, rows["experiment"].unique())

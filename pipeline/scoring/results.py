@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from scipy import stats
 
-from pipeline.base import params, paths
+from pipeline.base import foreign, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, schemas
@@ -124,21 +124,21 @@ def scale_of(metric: str) -> str:
 
 def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
     """Read a CSV table that has at least `columns`. Raises InputError otherwise."""
-    try:
-        table = parse_csv(paths.require(path, made_by).read_bytes())
-    except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a CSV table ({error}); run `{made_by}` again") from error
+    with foreign.reading(paths.require(path, made_by), "a CSV table", f"run `{made_by}` again"):
+        content = path.read_bytes()
+    table = parse_csv(content, path, f"run `{made_by}` again")
     for column in columns:
         if column not in table.columns:
             raise InputError(f"{path}: column '{column}' is missing; run `{made_by}` again")
     return table
 
 
-def parse_csv(content: bytes) -> pd.DataFrame:
-    """Return a CSV table as the stages write it."""
-    # A condition is named by its folder, and a folder may be called NA or 001: it is never missing, nor a number.
-    missing = {name: MISSING for name in pd.read_csv(io.BytesIO(content), nrows=0) if name != "condition"}
-    return pd.read_csv(io.BytesIO(content), dtype={"condition": str}, keep_default_na=False, na_values=missing)
+def parse_csv(content: bytes, where: Path | str, remedy: str) -> pd.DataFrame:
+    """Return a CSV table as the stages write it. where, remedy: of the sentence, where it is none (InputError)."""
+    with foreign.reading(where, "a CSV table", remedy):
+        # A condition is named by its folder, and a folder may be called NA or 001: it is never missing, nor a number.
+        missing = {name: MISSING for name in pd.read_csv(io.BytesIO(content), nrows=0) if name != "condition"}
+        return pd.read_csv(io.BytesIO(content), dtype={"condition": str}, keep_default_na=False, na_values=missing)
 
 
 def read_latency(workspace: Workspace, experiment: str, settings: dict) -> dict[tuple[str, int], dict]:

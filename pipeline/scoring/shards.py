@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.base import files, params, paths, processes
+from pipeline.base import files, foreign, params, paths, processes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.scoring.claim_inputs import COLUMNS, DATA, FULL, HALF, KEY
@@ -27,6 +27,7 @@ BUDGETS = (HALF, FULL)
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
 STUDY = "study"  # in the column `protocol` of index.csv, for a study
+NUMBERS = {"seed": int, "epochs": float, "core_s": float, "train_s": float}  # columns of both
 MADE_BY = "tactile evidence"
 
 
@@ -51,9 +52,12 @@ def folder(workspace: Workspace) -> Path:
 def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
     """Return name -> set, in the order in which shards are computed. Raises InputError for a wrong key or value."""
     path = paths.require(folder(workspace) / "shards.yaml", "git checkout evidence/shards.yaml")
-    blocks = params.parsed(path)
-    sets = {}
+    blocks, sets = params.parsed(path), {}
+    if not isinstance(blocks, dict):
+        raise InputError("evidence/shards.yaml: expected a block for each set of shards")
     for name, block in blocks.items():
+        if not isinstance(block, dict) or not isinstance(block.get("set", {}), dict):
+            raise InputError(f"evidence/shards.yaml, {params.shown(name)}: expected a block, in which `set` is a block")
         other = blocks.get(block.get("like"), {})
         if "study" in block:  # it trains no models, or those that it names
             other = {key: value for key, value in other.items() if key != "models"}
@@ -84,8 +88,21 @@ def digest(kept: Iterable[Path]) -> str:
 
 
 def table(path: Path, columns: list[str]) -> pd.DataFrame:
-    """Return index.csv or times.csv as text, without a row where there is no such file."""
-    return pd.read_csv(path, dtype=str, keep_default_na=False) if path.exists() else pd.DataFrame(columns=columns)
+    """Return index.csv or times.csv as text, without a row where there is no such file.
+
+    Raises InputError where it is no such table.
+    """
+    if not path.exists():
+        return pd.DataFrame(columns=columns)
+    remedy = f"get it again from git (`git checkout {path.parent.name}/{path.name}`)"
+    with foreign.reading(path, "a CSV table", remedy):
+        found = pd.read_csv(path, dtype=str, keep_default_na=False)
+        if absent := [name for name in columns if name not in found.columns]:
+            raise InputError(f"{path}: column '{absent[0]}' is missing; {remedy}")
+        if not isinstance(found.index, pd.RangeIndex):  # pandas takes the first field of longer rows for their names
+            raise InputError(f"{path}: its rows have more fields than its header; {remedy}")
+        found[columns].astype({name: kind for name, kind in NUMBERS.items() if name in columns})
+    return found
 
 
 def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None:
@@ -107,14 +124,14 @@ def read(workspace: Workspace) -> pd.DataFrame:
     tables = [pd.DataFrame(columns=[*COLUMNS, "of"])]
     index, times = folder(workspace) / "index.csv", table(folder(workspace) / "times.csv", TIMES)
     of_shard = dict(list(times.astype({"seed": int, "train_s": float}).groupby("shard")))
-    for row in pd.read_csv(index, dtype=str).itertuples() if index.exists() else ():
+    for row in table(index, INDEX).itertuples():
         if row.protocol == STUDY:
             continue
         path = paths.require(folder(workspace) / "results" / f"{row.shard}.csv", MADE_BY)
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
         rows = read_csv(path, COLUMNS, MADE_BY)
-        tables.append(rows.assign(of=int(row.shard.rsplit("-", 2)[1])))
+        tables.append(rows.assign(of=int(row.seed)))
         if row.shard in of_shard:
             tables.append(_training_times(of_shard[row.shard], rows, row.budget))
     return _once(pd.concat(tables, ignore_index=True))

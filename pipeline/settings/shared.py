@@ -5,10 +5,18 @@ largest value of any setting here.
 """
 
 import codecs
+import contextlib
 import re
+from datetime import datetime
 from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from pipeline.settings import patterns
+
+A_LINE = "0,1.5\n"
+ANY_BYTES = bytes(range(256)) + b" +2AA- \\ud800"  # the last two are half a character in UTF-7 and as Python escapes it
+HALF = re.compile("[\ud800-\udfff]")
 
 
 class Block(BaseModel):
@@ -190,19 +198,36 @@ class Layout(Block):
     @classmethod
     def _is_a_pattern(cls, given):
         for pattern in [given] if isinstance(given, str) else given or []:
-            try:
-                re.compile(pattern)
-            except re.error as error:
-                raise ValueError(f"'{pattern}' is no regular expression ({error})") from error
+            patterns.compiled(pattern)
+        return given
+
+    @field_validator("time_pattern")
+    @classmethod
+    def _is_a_time(cls, given: str) -> str:
+        try:
+            datetime.strptime("", given)
+        except re.error as error:
+            raise ValueError(f"'{given}' has one directive twice, or two that say the same ({error})") from error
+        except ValueError as error:
+            if "does not match format" not in str(error):  # that of an empty text
+                raise ValueError(f"'{given}' is no pattern of strptime ({error})") from error
         return given
 
     @field_validator("encoding")
     @classmethod
     def _is_known(cls, given: str) -> str:
         try:
-            codecs.getincrementaldecoder(given)
-        except LookupError as error:
+            decoder = codecs.getincrementaldecoder(given)
+        except (LookupError, ValueError) as error:
             raise ValueError(f"no encoding is called '{given}'; utf-8, utf-16 and latin-1 are") from error
+        try:
+            is_text = decoder("replace").decode(A_LINE.encode(given), True) == A_LINE
+            with contextlib.suppress(UnicodeError):  # UTF-16 asks for its mark
+                is_text &= not any(map(HALF.match, decoder("replace").decode(ANY_BYTES, True)))
+        except Exception as error:  # codecs that are no encodings of text raise what they like
+            raise ValueError(f"'{given}' is no encoding of text ({error}); utf-8 and latin-1 are") from error
+        if not is_text:
+            raise ValueError(f"'{given}' is no encoding of text; utf-8 and latin-1 are")
         return given
 
     @model_validator(mode="after")

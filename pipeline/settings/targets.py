@@ -1,10 +1,10 @@
 """Settings of a target of one's own, in the settings.yaml of a sensor: what to predict, and what to test it on."""
 
-import re
 from typing import Literal
 
 from pydantic import Field, model_validator
 
+from pipeline.settings import patterns
 from pipeline.settings.shared import Block, Place, Positive, Text
 
 PATTERNED = ("person", "day", "session")  # of which the path of a recording tells
@@ -60,10 +60,7 @@ class Split(Block):
             needs = "needs a `pattern` that finds it in the path of a recording"
             raise ValueError(f"`by: {self.by}` {needs if self.pattern is None else 'takes no `pattern`'}")
         if self.pattern is not None:
-            try:
-                brackets = re.compile(self.pattern).groups
-            except re.error as error:
-                raise ValueError(f"'{self.pattern}' is no regular expression ({error})") from error
+            brackets = patterns.compiled(self.pattern).groups
             if brackets != 1:
                 raise ValueError(
                     f"'{self.pattern}' has {brackets} pairs of brackets; put one around what names a group"

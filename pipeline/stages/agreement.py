@@ -79,7 +79,7 @@ def committed_scores(workspace: Workspace) -> pd.DataFrame | str:
     """Return reports/scores.csv as git's HEAD has it, or why there is none."""
     try:
         done = subprocess.run(["git", "show", COMMITTED], cwd=workspace.root, capture_output=True, check=True)
-        return results.parse_csv(done.stdout)
+        return results.parse_csv(done.stdout, f"git show {COMMITTED}", "mend the commit")
     except FileNotFoundError:
         return "there is no git on this machine"
     except subprocess.CalledProcessError as error:

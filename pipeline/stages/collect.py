@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.base import arguments, files, params, paths
+from pipeline.base import arguments, files, foreign, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.scoring import claim_inputs
@@ -26,10 +26,10 @@ def collect(parts: Mapping[str, Path], target: Path, first: Sequence[str] = (), 
     A part without a row, of an experiment that was not run, gets the rows that `target` has of it. first: columns that
     come first, in this order, the others after them as they are. budget: of all rows, the last column, if there is one.
     """
-    tables = {
-        name: pd.read_csv(paths.require(part, "dvc repro"), dtype=str, keep_default_na=False)
-        for name, part in parts.items()
-    }
+    tables = {}
+    for name, part in parts.items():
+        with foreign.reading(paths.require(part, "dvc repro"), "a CSV table", "run `dvc repro` again"):
+            tables[name] = pd.read_csv(part, dtype=str, keep_default_na=False)
     columns = list(next(iter(tables.values())))
     for name, table in tables.items():
         if list(table.columns) != columns:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.base import arguments, files, params
+from pipeline.base import arguments, files, foreign, params
 from pipeline.base.paths import Workspace
 
 DIGITS = 4  # that `dvc metrics show` shows
@@ -34,7 +34,11 @@ def main(workspace: Workspace) -> None:
     with files.replacing_folder(workspace.reports / "metrics") as draft:
         for experiment in params.load(workspace.params)["experiments"]:
             table = workspace.reports / experiment / "speed" / "table2.csv"
-            for path, error in (of_experiment(pd.read_csv(table)) if table.exists() else {}).items():
+            errors = {}
+            if table.exists():
+                with foreign.reading(table, "a table of errors", "run `dvc repro` again"):
+                    errors = of_experiment(pd.read_csv(table))
+            for path, error in errors.items():
                 (draft / experiment / path).parent.mkdir(parents=True, exist_ok=True)
                 files.write_text(draft / experiment / path, json.dumps(error) + "\n")
 

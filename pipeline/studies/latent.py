@@ -17,7 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from pipeline import models
-from pipeline.base import arguments, files, params, paths, workers
+from pipeline.base import arguments, files, foreign, params, paths, workers
 from pipeline.base.paths import Workspace
 from pipeline.datasets import series
 from pipeline.experiments import strain
@@ -182,7 +182,9 @@ def true_drift(
         return {}
     name = strain.recording_of(seed, names)
     clock_s, drift = scene.drift_at_samples(protocol, name, settings["simulate"], settings["sensor"]["channels"])
-    truth = np.loadtxt(folder / name / "truth.csv", delimiter=",", skiprows=1)
+    path = folder / name / "truth.csv"
+    with foreign.reading(path, "a table of numbers", "run `dvc repro` again"):
+        truth = np.loadtxt(path, delimiter=",", skiprows=1)
     return {
         "true drift": scene.sampled(drift, clock_s, time_s),
         "true deviation": scene.sampled(truth[:, 1:], truth[:, 0], time_s),

@@ -19,6 +19,7 @@ from pipeline.datasets import schemas
 from pipeline.experiments import glove, strain, strain_recorded, touch, velostat_recorded
 from pipeline.logs import alignment, layout, own_data, parse, sniff
 from pipeline.logs.formats import LOGS, Column, Format, second
+from pipeline.settings import patterns
 from pipeline.settings.targets import Asked, Split, Target
 from pipeline.sheet import cycles
 
@@ -176,7 +177,9 @@ def column_format(path: Path, target: Target, experiment: str, settings: Mapping
     """Return the format of the log that has the target, a time and its column, and its layout."""
     clock = FORMATS[experiment](settings).columns[0]
     words: dict[str, int] | None = {} if target.kind == "class" else None
-    fmt = Format((clock, Column(target.name, target.unit, -LARGEST, LARGEST, words=words)), time=clock.name)
+    taken = target.name in (clock.name, "line", "segment")  # columns of every table of a log
+    name = f"{target.name} (target)" if taken else target.name
+    fmt = Format((clock, Column(name, target.unit, -LARGEST, LARGEST, words=words)), time=clock.name)
     given = dict(layout.of(settings["ingest"], path.name) or {"separator": ","}) | {"columns": [target.column]}
     if isinstance(target.column, int) and path.is_file():
         width = sniff.columns_a_line(path, given.get("separator", ","))  # 0 of an empty file
@@ -190,7 +193,7 @@ def column_of(path: Path, target: Target, experiment: str, settings: Mapping) ->
     clock, words = fmt.columns[0], fmt.columns[1].words
     rows, _ = log(path, fmt, experiment, settings, given)
     strain.check_clock(path, rows)
-    values = rows[target.name].to_numpy()
+    values = rows[fmt.columns[1].name].to_numpy()
     if words is not None:
         # Exact, because codes of 13 digits differ in their last; 3.0 is 3.
         names = np.array([f"{Decimal(word).normalize():f}" if layout.is_number(word) else word for word in words])
@@ -242,7 +245,7 @@ def grouped(series: Series, split: Split, folder: Path) -> Series:
         )
     if split.by == "recording":
         return series._replace(group=np.full(n, series.name))
-    found = re.search(split.pattern, series.name)
+    found = patterns.compiled(split.pattern).search(series.name)
     if found is None or found[1] is None:
         raise InputError(
             f"{folder}: split.pattern '{split.pattern}' finds no {split.by} in the path '{series.name}'; mend it, or "

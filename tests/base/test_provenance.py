@@ -45,5 +45,5 @@ def test_results_of_other_settings_are_refused(workspace, tmp_path):
     ):
         provenance.check_settings(workspace, ["touch"], values)
     (tmp_path / "dvc.lock").write_text("stages: {evaluate@touch: {outs: [{pa")
-    with pytest.raises(InputError, match="^dvc.lock: was cut short or damaged"):
+    with pytest.raises(InputError, match="^dvc.lock: not whole"):
         provenance.check_settings(workspace, ["touch"], values)

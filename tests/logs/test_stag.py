@@ -105,7 +105,7 @@ def test_a_file_that_crashes_the_reader_is_one_sentence(workspace, tmp_path, mon
     path = save(tmp_path, metadata())
     with monkeypatch.context() as patch:
         patch.setattr(scipy.io, "loadmat", crash)
-        with pytest.raises(InputError, match=r"metadata\.mat: not a whole MATLAB file \(it crashes scipy's reader\)"):
+        with pytest.raises(InputError, match=r"metadata\.mat: not a whole MATLAB file \(it crashes the reader\)"):
             stag.read(workspace, path)
     assert len(stag.read(workspace, path).label)
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.collections import PatchCollection
 from matplotlib.patches import Rectangle
 
 from pipeline.datasets import images, schemas
@@ -24,6 +25,7 @@ LINES = (
     (style.ORANGE, "-."),
     (style.GREY, "-"),
 )
+ALL_DRAWN, STRONGEST = 64, 20  # columns of a log
 
 
 class Panel(NamedTuple):
@@ -61,8 +63,7 @@ def draw(path: Path, experiment: str, recordings: Sequence, settings: Mapping) -
         note = "" if recording.report else "\n(not aligned: each log from its own start)"
         axes[0, column].set_title(style.literal(recording.name) + note, pad=20, fontweight="bold")
         for ax, panel in zip(axes[:, column], panels, strict=False):
-            signals(ax, recording, panel)
-            ax.set_ylabel(panel.title)
+            ax.set_ylabel(panel.title + signals(ax, recording, panel))
             ax.set_xlabel("Time (s)")
         if mapped and recording.frames is not None:
             places(axes[-1, column], recording.frames, settings)
@@ -83,9 +84,13 @@ def areas_of(settings: Mapping) -> list[Panel]:
     return panels
 
 
-def signals(ax: plt.Axes, recording, panel: Panel) -> None:
-    """Draw the matching columns of the matching logs of a recording, and ticks at the bottom for rejected lines."""
-    looks, ticks = cycle(LINES), []
+def signals(ax: plt.Axes, recording, panel: Panel) -> str:
+    """Draw the matching columns of the matching logs of a recording, and ticks at the bottom for rejected lines.
+
+    Of more than ALL_DRAWN columns of a log the STRONGEST are drawn, those that change most. Returns what the title of
+    the axis says of that.
+    """
+    looks, ticks, left_out = cycle(LINES), [], ""
     logs = {name: log for name, log in recording.logs.items() if re.fullmatch(panel.files + r"\.log", name)}
     for name, log in logs.items():
         time = reference_time(log, recording.report.get(name))
@@ -94,6 +99,10 @@ def signals(ax: plt.Axes, recording, panel: Panel) -> None:
         values = {column: log.rows[column].to_numpy() for column in columns}
         if panel.combined:
             values = {"all": panel.combined(np.column_stack(list(values.values())))}
+        if len(values) > ALL_DRAWN:
+            left_out = f"\n(strongest {STRONGEST} of {len(values)})"
+            strongest = sorted(values, key=lambda column: -np.ptp(values[column]))[:STRONGEST]
+            values = {column: value for column, value in values.items() if column in strongest}
         for (column, value), (colour, dashes) in zip(values.items(), looks, strict=False):
             broken = np.insert(time, silent, np.nan), np.insert(value.astype(float), silent, np.nan)
             label = [name.removesuffix(".log")] * (len(logs) > 1 or len(values) == 1)
@@ -110,6 +119,7 @@ def signals(ax: plt.Axes, recording, panel: Panel) -> None:
         above = {"loc": "lower left", "bbox_to_anchor": (0, 1.0), "ncols": len(LINES), "fontsize": 7}
         narrow = {"handlelength": 1.8, "columnspacing": 1.0, "borderaxespad": 0.1}
         ax.legend([handles[k] for k in first], [names[k] for k in first], **above, **narrow)
+    return left_out
 
 
 def reference_time(log, report: Mapping | None) -> np.ndarray:
@@ -127,11 +137,21 @@ def places(ax: plt.Axes, frames, settings: Mapping) -> None:
     """Draw the array's elements from above, and the places of the tips while they pressed."""
     sensor = settings["sensor"]
     rest = (sensor["pitch_mm"] - sensor["element_mm"]) / 2
-    for k in range(sensor["rows"] * sensor["cols"]):
+    count, last = sensor["rows"] * sensor["cols"], (0, sensor["cols"] - 1)
+    outlines = []
+    for k in range(count):
         row, col = divmod(k, sensor["cols"])
         corner = col * sensor["pitch_mm"] + rest, row * sensor["pitch_mm"] + rest
-        ax.add_patch(Rectangle(corner, sensor["element_mm"], sensor["element_mm"], fill=False, color="#BBBBBB"))
+        outlines.append(Rectangle(corner, sensor["element_mm"], sensor["element_mm"], fill=False, color="#BBBBBB"))
+        if count > ALL_DRAWN and not (row in (0, sensor["rows"] - 1) and col in last):
+            continue  # of many the corners are named
         ax.annotate(f"v{k}", (corner[0] + 0.5, corner[1] + 0.5), fontsize=6, color=style.GREY)
+    if count > ALL_DRAWN:  # 4096 patches take 10 s
+        ax.add_collection(PatchCollection(outlines, match_original=True))
+        ax.autoscale_view()
+    else:
+        for outline in outlines:
+            ax.add_patch(outline)
     force, x, y = (schemas.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
     pressed = force > settings["window"]["contact_threshold_n"]
     for touch, marker in zip(range(force.shape[1]), "ox+^s", strict=False):
