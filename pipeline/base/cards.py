@@ -12,9 +12,8 @@ from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationError
 
-from pipeline.base import files, params
+from pipeline.base import files, foreign, params
 from pipeline.base.errors import InputError
-from pipeline.base.foreign import reading
 from pipeline.settings import Params
 from pipeline.settings.shared import Block
 
@@ -66,7 +65,7 @@ def read(path: Path, kind: type[Of], package: Collection[str], again: str) -> Of
 
 def parsed(path: Path, kind: type[Of], again: str) -> tuple[Of, str]:
     """Return a card and its text; InputError, which ends in `again`, where it is broken. No digest is looked at."""
-    with reading(path, "a card of a model", again, LARGEST):
+    with foreign.reading(path, "a card of a model", again, LARGEST):
         text = path.read_bytes().decode("utf-8")
     try:
         return kind.model_validate_json(text, strict=True), text
@@ -102,7 +101,7 @@ def faults(path: Path, card: BaseModel, text: str, package: Collection[str]) -> 
 
 def digest(path: Path) -> str:
     """Return the digest of a file; InputError where it cannot be read."""
-    with reading(path, "a file that can be read", "copy it again"):
+    with foreign.reading(path, "a file that can be read", "copy it again"):
         return files.sha256(path)
 
 

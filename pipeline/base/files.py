@@ -72,7 +72,7 @@ def replacing_folder(path: Path) -> Iterator[Path]:
         remove_folder(draft, inside=path.parent)  # once it became `path`, it is the former folder
 
 
-@contextmanager
+@contextlib.contextmanager
 def changing_folder(path: Path) -> Iterator[Path]:
     """Give the block a new folder with what `path` holds, which becomes `path` where the block ends without an error.
 

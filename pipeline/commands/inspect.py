@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from pipeline.base import arguments, cards
+from pipeline.base import arguments, cards, foreign
 from pipeline.base.errors import InputError
-from pipeline.base.foreign import reading, reason
 from pipeline.base.paths import Workspace
 
 AGAIN = "copy it again"
@@ -119,13 +118,13 @@ def _of_estimator(path: Path) -> dict[str, int]:
     """Return how many objects of each type an estimator's file asks for; none is made."""
     from pipeline.learning import structure
 
-    with reading(path, "an estimator's file", AGAIN):
+    with foreign.reading(path, "an estimator's file", AGAIN):
         return structure.types(path)
 
 
 def _of_network(path: Path) -> dict[str, str]:
     """Return type and shape of each tensor of a file of weights, from its header alone."""
-    with reading(path, "a file of weights", AGAIN), open(path, "rb") as file:
+    with foreign.reading(path, "a file of weights", AGAIN), open(path, "rb") as file:
         size = int.from_bytes(file.read(8), "little")
         if size > min(LARGEST_HEADER, path.stat().st_size):
             raise ValueError(f"its header has {size} bytes")
@@ -141,7 +140,7 @@ def _of_onnx(path: Path) -> dict[str, Any]:
     """Return how often a file of ONNX has each operator, and whether it has its weights in other files."""
     import onnx
 
-    with reading(path, "a file of ONNX", AGAIN):
+    with foreign.reading(path, "a file of ONNX", AGAIN):
         model = onnx.load_model(path, load_external_data=False)
         counts: dict[str, int] = {}
         graphs, outside = [model.graph, *model.functions], 0
@@ -166,7 +165,7 @@ HOLDS: Mapping[str, Callable[[Path], dict]] = {
 
 def _plain(text: str) -> str:
     """Return text of a file in printable characters, cut."""
-    return reason(ValueError(text))
+    return foreign.reason(ValueError(text))
 
 
 def lines(found: Mapping) -> Iterator[str]:

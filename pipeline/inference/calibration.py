@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline import experiments, models, tasks
-from pipeline.base import files, params
-from pipeline.base.foreign import reading
+from pipeline.base import files, foreign, params
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas, series
 from pipeline.datasets.windows import read_dataset
@@ -67,7 +66,7 @@ def calibrated(workspace: Workspace, values: Mapping, card: cards.Card, refit: b
         return card
     kept = workspace.calibration(card.experiment, card.model, card.protocol, card.seed)
     if kept.exists():
-        with reading(kept, "a kept calibration", "remove it, and the calibration is made again"):
+        with foreign.reading(kept, "a kept calibration", "remove it, and the calibration is made again"):
             known = json.loads(kept.read_text(encoding="utf-8"))
             given = cards.Calibration.model_validate(known["calibration"])
             if known["sha256"] == card.weights_sha256:

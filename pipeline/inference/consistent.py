@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline import experiments, tasks
-from pipeline.base import cards, params, ranges
+from pipeline.base import cards, foreign, params, ranges
 from pipeline.base.errors import InputError
-from pipeline.base.foreign import reason
 from pipeline.datasets import images
 from pipeline.settings.models import Models
 
@@ -45,7 +44,7 @@ def check(card: "Card", path: Path, again: str) -> None:
     except InputError as error:
         raise InputError(f"{path}, {error}; {again}") from error
     except Exception as error:  # what the code of an experiment makes of settings that no sensor has
-        raise InputError(f"{path}: its parts do not fit one another ({reason(error)}); {again}") from error
+        raise InputError(f"{path}: its parts do not fit one another ({foreign.reason(error)}); {again}") from error
 
 
 def _facts(card: "Card") -> Iterator[Fact]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import onnxruntime
 
-from pipeline.base.foreign import reading
+from pipeline.base import foreign
 from pipeline.inference import card as cards
 
 NAME = cards.ONNX
@@ -63,7 +63,7 @@ class OnnxNetwork:
 
     def __init__(self, path: Path):
         self._path = path
-        with reading(path, WHAT, cards.AGAIN):
+        with foreign.reading(path, WHAT, cards.AGAIN):
             self._session = session(path)
             held = self._session.get_modelmeta().custom_metadata_map
             self.card = held[CARD]  # JSON
@@ -108,7 +108,7 @@ class OnnxNetwork:
 
     def _run(self, given: Mapping[str, np.ndarray]) -> list[np.ndarray]:
         """Return all results for the inputs by name."""
-        with reading(self._path, WHAT, cards.AGAIN):
+        with foreign.reading(self._path, WHAT, cards.AGAIN):
             found = self._session.run(None, given)
             n = len(given[READINGS])
             for tensor, result in zip(self._results, found, strict=True):

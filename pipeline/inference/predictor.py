@@ -19,9 +19,8 @@ import torch
 from torch import nn
 
 from pipeline import experiments, models, tasks
-from pipeline.base import ranges
+from pipeline.base import foreign, ranges
 from pipeline.base.errors import InputError
-from pipeline.base.foreign import reading
 from pipeline.datasets import images, schemas
 from pipeline.inference import card as cards
 from pipeline.inference import intervals
@@ -224,7 +223,7 @@ def load(folder: str | Path) -> Predictor:
     folder = Path(folder)
     card = cards.read(folder)
     spec = Spec(**card.shapes.model_dump())
-    with reading(folder / cards.NAME, "a card whose settings fit its shapes", cards.AGAIN):
+    with foreign.reading(folder / cards.NAME, "a card whose settings fit its shapes", cards.AGAIN):
         with torch.device("meta"):  # which has no memory: settings may ask for more than the weights have, and there is
             size = size_of(models.build(card.model, spec, card.settings, f"{cards.NAME}, settings"))
         if size > cards.weights_file(folder).stat().st_size:
@@ -238,7 +237,7 @@ def load(folder: str | Path) -> Predictor:
     if not path.is_file() or not onnx_is_faster(model):
         return Predictor(model, card)
     onnx = OnnxNetwork(path)
-    with reading(path, "a network with its card", cards.AGAIN):
+    with foreign.reading(path, "a network with its card", cards.AGAIN):
         of_onnx = cards.Card.model_validate_json(onnx.card)
     columns, shapes = card.inputs.columns, card.shapes
     taken = {"windows": (shapes.frames, columns), "series": (columns,), "images": (1, shapes.rows * shapes.cols)}

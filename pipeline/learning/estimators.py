@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from pipeline.base.foreign import reading
+from pipeline.base import foreign
 from pipeline.learning import structure
 from pipeline.learning.regressors import Spec, Windows, check_windows
 from pipeline.learning.training import FitSummary, Progress, solved
@@ -99,7 +99,7 @@ class SklearnRegressor:
         Raises InputError for a file that is absent, damaged, crafted, or of another model or other settings.
         """
         self.estimator = read(folder, self.trusted)
-        with reading(Path(folder) / ESTIMATOR_FILE, "a model with these settings", AGAIN):
+        with foreign.reading(Path(folder) / ESTIMATOR_FILE, "a model with these settings", AGAIN):
             _check_same(self.estimator, self.make_estimator(0))
             check_prediction(self.predict, np.zeros((1, self.spec.frames, self.spec.elements)), self.spec.outputs)
 
@@ -138,7 +138,7 @@ def read(folder: Path, trusted: Sequence[str]) -> "BaseEstimator":
     import skops.io  # 3 s, for which no network has to wait
 
     path = existing(Path(folder) / ESTIMATOR_FILE)
-    with reading(path, "a model of this kind", AGAIN):
+    with foreign.reading(path, "a model of this kind", AGAIN):
         structure.check_file(path, trusted)
         estimator = skops.io.load(path, trusted=list(trusted))
         structure.check_estimator(estimator)

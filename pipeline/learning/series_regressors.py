@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from torch import nn
 
+from pipeline.base import foreign
 from pipeline.base.errors import InputError
-from pipeline.base.foreign import reading
 from pipeline.datasets.series import Record, Task
 from pipeline.learning import weights
 from pipeline.learning.estimators import SklearnRegressor
@@ -138,7 +138,9 @@ class StateReadout:
         if "readout.weights" not in tensors:
             raise weights.other_settings(folder)
         weights.load(self.scaling, weights.constants(tensors), folder)
-        with reading(Path(folder) / weights.NETWORK_FILE, "a model with these settings", "train the model again"):
+        with foreign.reading(
+            Path(folder) / weights.NETWORK_FILE, "a model with these settings", "train the model again"
+        ):
             self.system = {name: value.numpy() for name, value in weights.group_of(tensors, "system").items()}
             self.weights = tensors["readout.weights"].numpy()
             units = len(self.weights) - 1

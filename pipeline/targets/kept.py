@@ -12,11 +12,10 @@ import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.base import cards, correlation, files, ranges
+from pipeline.base import cards, correlation, files, foreign, ranges
 from pipeline.base.cards import Words
 from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
-from pipeline.base.foreign import reading, reason
 from pipeline.datasets import images, schemas
 from pipeline.learning.window_statistics import KINDS
 from pipeline.logs import unmeasured
@@ -164,7 +163,7 @@ def load(folder: Path) -> Kept:
     card = read_card(folder)
     outputs = max(1, len(card.classes))
     estimator = estimators.read(folder, TRUSTED)
-    with reading(folder / estimators.ESTIMATOR_FILE, f"a model of {CARD}", AGAIN):
+    with foreign.reading(folder / estimators.ESTIMATOR_FILE, f"a model of {CARD}", AGAIN):
         nothing = features.columns(np.zeros((1, KINDS, card.elements), np.float32), card.level)
         estimators.check_prediction(lambda x: models.predicted(estimator, x, outputs), nothing, outputs)
     return Kept(card, estimator)
@@ -184,7 +183,7 @@ def check(card: Card, path: Path) -> None:
     try:
         columns = len(read.FORMATS[card.experiment](card.settings).names) - 1
     except Exception as error:  # what the code of an experiment makes of settings that no sensor has
-        raise InputError(f"{path}, settings: {reason(error)}; {AGAIN}") from error
+        raise InputError(f"{path}, settings: {foreign.reason(error)}; {AGAIN}") from error
     seen = list(range(columns))
     named = [each.name for each in models.rows(card.target.kind, 1)]
     order = card.settings["sensor"].get("order", [])
