@@ -60,7 +60,7 @@ def replacing_folder(path: Path) -> Iterator[Path]:
     Of two processes that write to one place the folder of the later one stays, whole. Raises InputError where `path`
     cannot be a folder.
     """
-    path = path.resolve() if path.is_symlink() else path  # the link stays
+    path = path.resolve() if os.path.islink(path) else path  # the link stays
     draft = _draft(path)
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: is a file, not a folder; give another place")
