@@ -1,8 +1,11 @@
 """Kills before every change of files, and two processes on one target: what is there is former or new, and whole."""
 
+import errno
 import functools
+import platform
 import shutil
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +13,12 @@ import pytest
 from builders import free_targets, kills, live_models, own_logs
 from builders.project import ROOT
 
-from pipeline.base import params
+from pipeline.base import files, params, processes
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.commands import command_line, export, import_logs, own, predict, sheet  # noqa: F401 - else each fork would import them
 from pipeline.inference import packages, predictions, predictor, recordings  # noqa: F401
+from pipeline.logs import parse, sources
 from pipeline.reporting.figures import style
 from pipeline.scoring import shards
 from pipeline.sheet import quantities
@@ -217,3 +221,63 @@ def test_lines_of_the_evidence(there, tmp_path):
         shards.upsert(target, shards.INDEX, "strain-0-half", [{"shard": "strain-0-half", **LINE}])
 
     assert kills.sweep(call, put, target, tmp_path / "notes") >= 2
+
+
+def test_a_killed_import_leaves_no_recording(array, table, tmp_path):
+    """The draft of a recording lies among recordings, until the next import removes it."""
+    draft = array / "single" / f"run0.999999999-{platform.node()}{files.UNFINISHED}"
+    shutil.copytree(array / "single" / "day1_0", draft)
+    found = [path.name for path in parse.folders(array, "*/*")]
+    assert found == ["day1_0"]
+    assert [path.parent.name for path in recordings.logs(array, "touch")] == ["day1_0"]
+
+
+BOTH = ("predict", "import", "sheet", "export", "fetch")
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.1])
+@pytest.mark.parametrize("what", BOTH)
+def test_two_processes_on_one_target(what, delay_s, linear, array, table, room, tmp_path, monkeypatch):
+    """Each ends with a result or with one sentence, and what is there is whole."""
+    target, notes = tmp_path / "made" / "out", tmp_path / "notes"
+    logs = shutil.copytree(array / "single", tmp_path / "logs", ignore=shutil.ignore_patterns("load_cell.log"))
+    source = tmp_path / "source"
+    source.mkdir()
+    (source / "a.txt").write_text("1" * 1000)
+    if what == "fetch":
+        monkeypatch.setattr(sources, "files", lambda name: {"a.txt": files.sha256(source / "a.txt")})
+        target = room / "data" / "sources" / "strain_recorded"
+    call = {
+        "predict": tactile("predict", linear, logs, "--no-pictures", "--out", target),
+        "import": tactile("import", table, target, "--of", "touch"),
+        "sheet": tactile("sheet", array, "--out", target),
+        "export": tactile("export", linear, target),
+        "fetch": tactile("fetch", "strain_recorded", "--from", source),
+    }[what]
+    if what == "import":
+        (target.parent).mkdir()
+        shutil.copy(array / "settings.yaml", target.parents[1])
+    alone = kills.run(call, target.parent, notes)
+    assert alone.code == 0, alone.said
+    whole = kills.tree(target)
+    shutil.rmtree(target)
+    first = kills.Running(call, target.parent, notes)
+    time.sleep(delay_s)
+    second = kills.Running(call, target.parent, notes)
+    ends = [first.ended(), second.ended()]
+    assert 0 in [end.code for end in ends]
+    for end in ends:
+        assert "Traceback" not in end.said and end.code in (0, 1), end.said
+        assert end.code == 0 or end.said.splitlines()[-1].startswith("error: "), end.said
+    assert kills.tree(target) == whole and not kills.drafts(target.parent)
+
+
+@pytest.mark.parametrize("name", ["ENOLCK", "EOPNOTSUPP", "ENOSYS"])
+def test_a_file_system_without_locks_is_said(name, tmp_path, monkeypatch, capsys):
+    def refused(*given):
+        raise OSError(getattr(errno, name), "no locks")
+
+    monkeypatch.setattr(processes.fcntl, "flock", refused)
+    with processes.holding(tmp_path / "lock", pytest.fail):
+        pass
+    assert f"cannot lock {tmp_path / 'lock'} here: start nothing else" in capsys.readouterr().err

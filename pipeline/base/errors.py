@@ -13,8 +13,12 @@ from pipeline.base.processes import die_with_parent
 
 # Errors that end a write through no fault of the code.
 STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
+# Of a name that cannot be that of a file or folder here, as somebody may have given it.
+NAMES = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.ENXIO, errno.ENODEV, errno.EBUSY)
+NAMES += (errno.EILSEQ, errno.ESTALE, errno.ETXTBSY)
 FULL = (errno.ENOSPC, errno.EDQUOT)  # these also cut the files that DVC writes in place
 
+SHOWN = 200  # characters of a name that is too long
 PIPE_CLOSED = 141  # exit status that a shell gives a command which writes to a closed pipe
 
 # Words of torch and of the system for what Python calls MemoryError.
@@ -58,11 +62,21 @@ def run_stage(main: Callable[[], None], params: Path) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(PIPE_CLOSED)
     except Exception as error:
-        if (sentence := storage_error(error)) is None and (reason := memory_error(error)) is not None:
+        sentence = storage_error(error) or name_error(error)
+        if sentence is None and (reason := memory_error(error)) is not None:
             sentence = f"{reason}; free memory or make the settings smaller, and run the command again"
         if sentence is None:
             raise
         sys.exit(f"error: {sentence}")
+
+
+def name_error(error: BaseException) -> str | None:
+    """Return the sentence for a name that the system refuses; None for any other error."""
+    if not (isinstance(error, OSError) and error.filename and error.errno in NAMES):
+        return None
+    name = str(error.filename)
+    shown = name if len(name) <= SHOWN else f"{name[:SHOWN]}..."
+    return f"{shown}: {os.strerror(error.errno)}; give another name or place"
 
 
 def memory_error(error: BaseException) -> str | None:
@@ -79,11 +93,17 @@ def _settings(path: Path) -> set[tuple[str, bytes]]:
     return {(file.relative_to(path.parent).as_posix(), file.read_bytes()) for file in files if file.is_file()}
 
 
-def storage_error(error: Exception) -> str | None:
-    """Return the sentence for a full, read-only or failing disk; None for any other error."""
+def storage_code(error: BaseException) -> int | None:
+    """Return the number of the error of a full, read-only or failing disk; None for any other error."""
     # safetensors, written in Rust, says "(os error 28)".
     code = error.errno if isinstance(error, OSError) else int((re.findall(r"os error (\d+)", str(error)) or [0])[0])
-    if code not in STORAGE:
+    return code if code in STORAGE else None
+
+
+def storage_error(error: Exception) -> str | None:
+    """Return the sentence for a full, read-only or failing disk; None for any other error."""
+    code = storage_code(error)
+    if code is None:
         return None
     where = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
     cut = "; if DVC then calls .dvc/tmp/rwlock corrupted, remove that file" if code in FULL else ""

@@ -21,7 +21,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from pipeline.base import foreign
-from pipeline.base.errors import InputError, storage_error
+from pipeline.base.errors import InputError, storage_code, storage_error
 
 BLOCK = 1 << 20  # bytes of a log that are read at once
 UNFINISHED = ".unfinished"  # ends the name of a draft
@@ -39,8 +39,13 @@ def replacing(path: Path) -> Iterator[Path]:
         yield draft
         _on_disk(draft)
         os.replace(draft, path)
-    except BaseException:
+    except BaseException as error:
         draft.unlink(missing_ok=True)
+        code = storage_code(error)
+        if code is not None and getattr(error, "filename", None) in (None, str(draft)):  # libraries name no file
+            raise OSError(code, os.strerror(code), str(path)) from error
+        if code is None and isinstance(error, OSError) and error.filename == str(draft):
+            raise _unwritable(path, error) from error
         raise
     _on_disk(path.parent)
 
@@ -60,11 +65,18 @@ def replacing_folder(path: Path) -> Iterator[Path]:
     Of two processes that write to one place the folder of the later one stays, whole. Raises InputError where `path`
     cannot be a folder.
     """
-    path = path.resolve() if os.path.islink(path) else path  # the link stays
     draft = _draft(path)
+    if path.is_symlink():  # which stays
+        path = path.resolve()
+        draft = _draft(path)
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: is a file, not a folder; give another place")
-    draft.mkdir()
+    try:
+        draft.mkdir()
+    except OSError as error:
+        if storage_error(error):
+            raise
+        raise _unwritable(path, error) from error
     try:
         yield draft
         put_folder(draft, path)
@@ -125,7 +137,7 @@ def _draft(path: Path) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         draft = path.with_name(f"{path.name}.{os.getpid()}{machine}")
         with contextlib.suppress(FileNotFoundError):
-            draft.lstat()  # which tells a name that cannot be
+            draft.lstat()  # OSError of a name that is too long, ValueError of one with a NUL
         for other in path.parent.glob(glob.escape(path.name) + ".*" + glob.escape(machine)):
             number = other.name.removeprefix(f"{path.name}.").removesuffix(machine)
             if number.isdecimal() and (other == draft or not _runs(int(number))):
@@ -133,9 +145,14 @@ def _draft(path: Path) -> Path:
     except (OSError, ValueError) as error:  # a name that is too long, that has a NUL, or below a file or /proc
         if isinstance(error, OSError) and storage_error(error):
             raise
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be written ({reason}); give another place") from error
+        raise _unwritable(path, error) from error
     return draft
+
+
+def _unwritable(path: Path, error: Exception) -> InputError:
+    """Return the sentence for a place at which nothing can be written, such as one below /proc."""
+    reason = getattr(error, "strerror", None) or error
+    return InputError(f"{path}: cannot be written ({reason}); give another place")
 
 
 def _runs(process: int) -> bool:

@@ -948,6 +948,8 @@ def check_folder(folder: Path) -> None:
         raise InputError(f"{folder}: is a file; name the folder of the sensor, with <folder>/<recording>/ in it")
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
+    if folder.resolve().parent == folder.resolve():
+        raise InputError(f"{folder}: is the whole disk; name a sensor's folder, with <folder>/<recording>/ in it")
 
 
 def kinds_of(folder: Path) -> list[str]:

@@ -122,6 +122,9 @@ def main() -> None:
 
         print(f"error: there is no command '{name}'; {hint(name, COMMANDS)}", file=sys.stderr)
         sys.exit(2)
+    if odd := next((word for word in sys.argv[1:] if "\0" in word), None):
+        print(f"error: {ascii(odd)}: no name of a file or folder has a NUL character; give another", file=sys.stderr)
+        sys.exit(2)
     if arguments.QUIET & set(sys.argv[2:]):
         os.environ["TQDM_DISABLE"] = "1"  # read when tqdm is imported
     given = parser_of([name]).parse_args(sys.argv[1:] or [name])

@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from urllib.parse import quote, urlencode
+from urllib.parse import quote, urlencode, urlsplit
 
 from pipeline.base.errors import InputError, storage_error
 from pipeline.inference import card as cards
@@ -43,6 +43,11 @@ def opened(workspace: Workspace, then: str = TRACK) -> Iterator[MlflowClient]:
     The sentence names no address, and gives no reason that could quote one with a password in it.
     """
     uri = server()
+    try:
+        _ = urlsplit(uri).port
+    except ValueError as error:  # which quotes a password
+        wrong = "is no address of a server or a database, such as http://127.0.0.1:5000; correct it"
+        raise InputError(f"MLFLOW_TRACKING_URI: {wrong}") from error
     try:
         if not uri:
             workspace.mlflow.mkdir(parents=True, exist_ok=True)

@@ -1,13 +1,16 @@
 """What surrounds a command ends in no traceback: closed pipes, encodings, python -OO, a notebook's plots."""
 
+import errno
 import os
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from builders.project import ROOT
 
+from pipeline.base import errors
 from pipeline.base.errors import InputError
 
 RUN = """
@@ -43,6 +46,26 @@ def test_who_closes_the_pipe_hears_no_more():
     process.stdout.close()
     assert process.stderr.read() == b"" and process.wait() == 141
     process.stderr.close()
+
+
+@pytest.mark.parametrize("name", ["ENAMETOOLONG", "ELOOP", "ENOTDIR", "EISDIR"])
+def test_a_name_that_the_system_refuses_is_a_sentence(name, capsys):
+    def stage():
+        raise OSError(getattr(errno, name), "x", "a" * 300)
+
+    with pytest.raises(SystemExit) as ended:
+        errors.run_stage(stage, Path("none"))
+    said = os.strerror(getattr(errno, name))
+    assert str(ended.value).startswith("error: aaa") and said in str(ended.value) and len(str(ended.value)) < 300
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOTDIR, "x"), OSError("x"), ValueError("x"), KeyError("x")])
+def test_an_error_that_names_no_file_keeps_its_traceback(error):
+    def stage():
+        raise error
+
+    with pytest.raises(type(error)):
+        errors.run_stage(stage, Path("none"))
 
 
 OF_ALL, OF_CHECK = b"Predict with trained models", b"Read a folder of your own logs"

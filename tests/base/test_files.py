@@ -1,17 +1,19 @@
 """Files that others read appear whole or not at all."""
 
+import errno
 import os
 import platform
 import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.base import files
-from pipeline.base.errors import InputError
+from pipeline.base.errors import InputError, storage_error
 from pipeline.base.paths import CODE
 
 
@@ -120,15 +122,6 @@ def test_a_draft_is_on_the_disk_before_it_is_renamed(tmp_path, monkeypatch):
     assert len(synced) == 5
 
 
-@pytest.mark.parametrize("kind", ["file", "folder"])
-@pytest.mark.parametrize("name", ["x" * 300, "a\0b", "blocked/below", "/proc/none/result"])
-def test_a_place_that_cannot_be_is_one_sentence(kind, name, tmp_path):
-    (tmp_path / "blocked").write_text("a file")
-    with pytest.raises(InputError, match=r"cannot be written \(.+\); give another place$"):
-        former(tmp_path / name, kind)
-    assert [file.name for file in tmp_path.iterdir()] == ["blocked"]
-
-
 def test_a_folder_does_not_take_the_place_of_a_file(tmp_path):
     (tmp_path / "result").write_text("precious")
     with pytest.raises(InputError, match="result: is a file, not a folder"):
@@ -141,6 +134,66 @@ def test_a_folder_with_a_file_that_nobody_may_write_is_taken(tmp_path):
         (draft / "a.txt").write_text("of DVC's cache")
         (draft / "a.txt").chmod(stat.S_IRUSR)
     assert content(tmp_path / "result") == "of DVC's cache"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        OSError(errno.ENOSPC, "x"),  # as pyarrow raises it
+        RuntimeError("Error while serializing: I/O error: No space left on device (os error 28)"),  # as safetensors
+    ],
+)
+def test_a_full_disk_names_the_file(error, tmp_path):
+    with pytest.raises(OSError) as raised, files.replacing(tmp_path / "network.safetensors"):
+        raise error
+    assert storage_error(raised.value).startswith(f"{tmp_path / 'network.safetensors'}: No space left")
+
+
+@pytest.mark.parametrize("write", [files.replacing, files.replacing_folder, files.changing_folder])
+@pytest.mark.parametrize("name", ["a" * 300, "a\0b", "file/x", ".", "..", "/", "/proc/x", "loop/x"])
+def test_a_place_that_cannot_be_written_is_a_sentence(name, write, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("kept")
+    Path("loop").symlink_to("loop")
+    with pytest.raises(InputError), write(Path(name)) as draft:
+        (draft if write is files.replacing else draft / "x").write_text("x")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "loop"]
+    assert not list(tmp_path.parent.glob(f"*{files.UNFINISHED}"))
+
+
+def test_a_changed_folder_keeps_what_is_not_replaced(tmp_path):
+    path = tmp_path / "run0"
+    (path / "more").mkdir(parents=True)
+    (path / "a.log").write_text("old")
+    (path / "more" / "b").write_text("kept")
+    (path / "nowhere").symlink_to("gone")
+    os.mkfifo(path / "pipe")
+    with pytest.raises(RuntimeError), files.changing_folder(path) as draft:
+        files.write_text(draft / "a.log", "new")
+        raise RuntimeError
+    assert (path / "a.log").read_text() == "old"
+    with files.changing_folder(path) as draft:
+        files.write_text(draft / "a.log", "new")
+    assert (path / "a.log").read_text() == "new" and (path / "more" / "b").read_text() == "kept"
+    assert (path / "nowhere").is_symlink() and (path / "pipe").is_fifo() and not (path / "pipe").is_file()
+    assert [one.name for one in tmp_path.iterdir()] == ["run0"]
+
+
+def test_what_comes_into_a_changed_folder_meanwhile_is_not_lost(tmp_path):
+    path = tmp_path / "run0"
+    path.mkdir()
+    with pytest.raises(InputError, match="another process changed it meanwhile"), files.changing_folder(path):
+        (path / "array.log").write_text("recorded meanwhile")
+    assert (path / "array.log").read_text() == "recorded meanwhile"
+
+
+def test_a_link_to_a_folder_stays_one(tmp_path):
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "out").symlink_to("disk")
+    with files.replacing_folder(tmp_path / "out") as draft:
+        (draft / "new").write_text("new")
+    assert (tmp_path / "out").is_symlink() and (tmp_path / "disk" / "new").read_text() == "new"
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["disk", "out"]
 
 
 def test_tables_keep_every_digit(tmp_path):
