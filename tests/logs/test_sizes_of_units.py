@@ -39,16 +39,8 @@ SIZES = {
 WRITTEN = {  # as people write them
     **{"newton": "N", "Newtons": "N", "millinewtons": "mN", "pounds": "lb", "LBS": "lb", "ounces": "oz", "grams": "g"},
     **{"kilograms": "kg", "metres": "m", "millimeter": "mm", "micrometres": "um", "microns": "um", "inches": "inch"},
-    **{
-        "feet": "ft",
-        "mils": "mil",
-        "volts": "V",
-        "millivolts": "mV",
-        "\u00b5V": "uV",
-        "\u03bcs": "us",
-        "k\u03a9": "kohm",
-    },
-    **{"k\u03a9": "kohm", "M\u2126": "Mohm", "ohms": "ohm", "seconds": "s", "msec": "ms", "microseconds": "us", "minutes": "min"},
+    **{"feet": "ft", "mils": "mil", "volts": "V", "millivolts": "mV", "\u00b5V": "uV", "\u03bcs": "us", "ohms": "ohm"},
+    **{"k\u03a9": "kohm", "M\u2126": "Mohm", "seconds": "s", "msec": "ms", "microseconds": "us", "minutes": "min"},
     **{"hrs": "h", "days": "d", "\u00b0": "deg", "radians": "rad", "KPA": "kPa", "N/mm\u00b2": "N/mm2", "mN": "mN"},
     **{"MN": "MN", "mV": "mV", "MV": "MV", "dynes": "dyn", "tonnes": "tonne"},
 }
