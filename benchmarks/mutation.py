@@ -31,7 +31,6 @@ PAIRING, ONE_LOG, SPECIMENS = (f"general/test_{name}.py" for name in ("pairing",
 CHOSEN = {
     **{f"tasks/{kind}.py": ("fit", SELECTION) for kind in ("windows", "images", "series")},
     "studies/sizes.py": ("touch_run glove_run", SELECTION),
-    "studies/stag.py": ("parts train_run", f"{SELECTION} logs/test_stag.py"),
     "studies/joined_frames.py": ("scores", "studies/test_input_frames.py"),
     "studies/latent.py": ("decoded train_with", f"{SERIES} studies/test_latent.py"),
     "studies/joint_angles.py": ("probe", "experiments/test_glove_recorded.py"),

@@ -14,7 +14,7 @@ from builders.project import ROOT, Project
 from benchmarks import repro_stages
 
 # A change of one model of `touch` must not run what makes its data, nor another experiment.
-FORBIDDEN = r"simulate|ingest|window|dataset|probe|count|stag"
+FORBIDDEN = r"simulate|ingest|window|dataset|probe|count"
 FORBIDDEN += r"|train_stag|@(?!touch$)|_(touch|strain)$"
 
 

@@ -24,7 +24,7 @@ import pytest
 import scipy.io
 import scipy.sparse
 import yaml
-from builders import grasps, stag_metadata, strain_workspaces, touch_logs
+from builders import grasps, strain_workspaces, touch_logs
 from builders.project import ROOT
 from hypothesis import HealthCheck, example, given
 from hypothesis import settings as examples
@@ -38,7 +38,7 @@ from pipeline.datasets import fits, schemas, series
 from pipeline.datasets.windows import read_dataset
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
 from pipeline.learning.regressors import Spec
-from pipeline.logs import own_data, parse, stag
+from pipeline.logs import parse
 from pipeline.scenes import strain as strain_scene
 from pipeline.scoring import results
 from pipeline.settings.shared import Block
@@ -475,7 +475,7 @@ WEIRD = {
     "bytes": np.ones((800, 6), np.int8),
     "text": "t",
     "texts": np.array(["mug", "can"]),
-    "cells": stag_metadata.cells(["a", "b"]),
+    "cells": np.array(["a", "bc"], dtype=object),
     "struct": {"a": 1.0, "b": np.ones(3)},
     "sparse": scipy.sparse.csc_matrix(np.eye(6)),
     "one column": np.ones((800, 1)),
@@ -502,7 +502,7 @@ CUT = st.one_of(st.just(1000), st.integers(0, 1000))
 def workspaces(tmp_path_factory):
     """Plain and compressed bytes of a valid file of each kind."""
     folder, found = tmp_path_factory.mktemp("workspaces"), {}
-    for name, content in (("strain_recorded", strain_workspaces.workspace()), ("stag", stag_metadata.metadata())):
+    for name, content in (("strain_recorded", strain_workspaces.workspace()),):
         for compress in (False, True):
             scipy.io.savemat(folder / "file.mat", content, do_compression=compress)
             found[name, compress] = (folder / "file.mat").read_bytes()
@@ -524,23 +524,8 @@ def read_strain_recorded(path: Path) -> None:
     assert 0 < frames.num_rows <= log["accepted"]
 
 
-def read_stag(path: Path) -> None:
-    try:
-        with in_time(), pytest.MonkeyPatch.context() as patch:
-            patch.setattr(own_data, "unnoticed", lambda *given: None)  # it need not lie in data/own here
-            found = stag.read(Workspace(path.parent), path, balanced=False)
-    except InputError as error:
-        assert path.name in one_sentence(error)
-        return
-    valid = int((scipy.io.loadmat(path, variable_names=["hasValidLabel"])["hasValidLabel"] != 0).sum())
-    assert len(found.images) == len(found.label) == len(found.recording) == len(found.part) == valid > 0
-    assert found.images.min() >= 0 and found.images.max() <= 255
-    assert 0 <= found.label.min() and found.label.max() < len(found.objects)
-
-
 MATLAB = {
     "strain_recorded": (read_strain_recorded, "para5_long.mat", strain_workspaces.workspace, strain_recorded.VARIABLES),
-    "stag": (read_stag, "metadata.mat", stag_metadata.metadata, stag.VARIABLES),
 }
 
 

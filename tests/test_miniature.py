@@ -64,13 +64,12 @@ def test_numbers_of_the_miniature_are_the_pinned_ones(miniature):
 def test_every_setting_is_read_by_something(miniature):
     """Of experiments with recordings, which do not run here: tests/stages/test_recorded.py.
 
-    The yardstick of touch is a model that the miniature has not (tests/commands/test_calibrate.py), and it has no file
-    of STAG's (tests/logs/test_stag.py).
+    The yardstick of touch is a model that the miniature has not (tests/commands/test_calibrate.py).
     """
     values = params.read(miniature.folder / "params.yaml")
     read = set((miniature.folder.parent / "settings.txt").read_text().split())
     unread = [name for name in leaves(values) if name not in read and "_recorded." not in name]
-    unread = [name for name in unread if not name.startswith(("touch.yardstick.", "glove.stag."))]
+    unread = [name for name in unread if not name.startswith("touch.yardstick.")]
     assert not unread, f"nobody reads {', '.join(unread)}"
 
 

@@ -1,15 +1,17 @@
 """Run tasks on a Dask cluster whose machines share the project's folder: the numbers are as on local cores.
 
-A Dask worker computes nothing itself: each task gets a new process of one thread, which runs the present code, and is
-killed where no stage waits for it any more.
+A Dask worker computes nothing itself: for each stage it starts a process of one thread for each task that it does at a
+time, which runs the present code. They end with the stage, and are killed where no stage waits for them any more.
 """
 
+import contextlib
 import importlib
 import os
 import platform
 import subprocess
 import sys
 import tempfile
+import threading
 import traceback
 import uuid
 from collections.abc import Callable, Iterator, Mapping
@@ -25,8 +27,10 @@ from pipeline.base.paths import CODE
 from pipeline.base.processes import KEEP_MEMORY, ONE_THREAD, die_with_parent
 
 CONNECT_S, NO_WORKER_S = 10, 60
+LOOK_S = 0.2  # between two looks at whether a stage waits for its task
 ANSWER = "import sys; from pipeline.base import cluster; cluster.answer(int(sys.argv[1]))"
 NUMBERS = ("numpy", "pyarrow", "scikit-learn", "scipy", "torch")  # packages whose version may change a result
+_processes: dict[tuple[str, int], tuple[subprocess.Popen, Connection]] = {}  # of a worker, by stage's mark and thread
 
 
 def run(address: str, function: Callable, calls: Mapping[str, tuple]) -> Iterator[tuple[str, object]]:
@@ -55,7 +59,7 @@ def run(address: str, function: Callable, calls: Mapping[str, tuple]) -> Iterato
         here, futures = (str(root), mark.name, versions()), {}
         for name, (arguments, folder) in calls.items():
             # As one call without arguments: Dask looks for names of other tasks in arguments.
-            call = partial(_in_a_process, here, name, (module, function.__qualname__, arguments), folder)
+            call = partial(_on_worker, here, name, (module, function.__qualname__, arguments), folder)
             futures[client.submit(call, key=f"{name} {uuid.uuid4().hex}", pure=False)] = name
         for future in as_completed(futures, loop=client.loop):
             name = futures[future]
@@ -71,6 +75,7 @@ def run(address: str, function: Callable, calls: Mapping[str, tuple]) -> Iterato
             if error is not None:
                 raise error
             yield name, result
+        client.run(end, mark.name)
 
 
 def versions() -> dict[str, str]:
@@ -78,10 +83,10 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in NUMBERS}
 
 
-def _in_a_process(
+def _on_worker(
     here: tuple[str, str, dict], name: str, task: tuple[str, str, tuple], folder: Path | None
 ) -> tuple[object, Exception | None]:
-    """Do a task in a new process of this worker; return its result and its error.
+    """Do a task in the process of this worker's thread; return its result and its error.
 
     here: the stage's current folder, a file in it that is new, and the versions that are wanted; task: module,
     function and arguments.
@@ -96,35 +101,59 @@ def _in_a_process(
         raise InputError(f"{called} has {', '.join(wrong)}: results would differ; install the same (constraints.txt)")
     if folder is not None:
         files.remove_folder(folder, inside=folder.parent)  # of a worker that was lost while it wrote
-    ours, theirs = Pipe()
-    command = [sys.executable, "-c", ANSWER, str(theirs.fileno())]
-    code = os.pathsep.join([str(CODE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = {"GLIBC_TUNABLES": KEEP_MEMORY} | os.environ | ONE_THREAD | {"PYTHONPATH": code}
-    process = subprocess.Popen(command, cwd=root, env=environment, stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()])
-    theirs.close()
+    process, channel = _process(mark, root)
     try:
-        ours.send(task)
-        while not ours.poll(0.2):
+        channel.send(task)
+        while not channel.poll(LOOK_S):
             state = worker.state.tasks.get(key)
             if state is None or state.state != "executing":  # the stage was killed
                 process.kill()
-        return ours.recv()
+        return channel.recv()
     except (EOFError, OSError) as error:
         ended = f"its process ended with status {process.wait()} (-9: killed, as when memory is short)"
+        end(mark)
         raise InputError(f"{name}, on {called}: {ended}; look at the worker's log") from error
-    finally:
-        ours.close()
+
+
+def _process(mark: str, root: str) -> tuple[subprocess.Popen, Connection]:
+    """Return the process that does this stage's tasks for the calling thread, with the present code, and its pipe.
+
+    It is kept for the next task, as to import torch takes seconds. Those of other stages, which were killed, end.
+    """
+    for other in {stage for stage, _ in _processes if stage != mark}:
+        end(other)
+    place = mark, threading.get_ident()
+    if place not in _processes:
+        ours, theirs = Pipe()
+        command = [sys.executable, "-c", ANSWER, str(theirs.fileno())]
+        code = os.pathsep.join([str(CODE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+        environment = {"GLIBC_TUNABLES": KEEP_MEMORY} | os.environ | ONE_THREAD | {"PYTHONPATH": code}
+        process = subprocess.Popen(
+            command, cwd=root, env=environment, stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()]
+        )
+        theirs.close()
+        _processes[place] = process, ours
+    return _processes[place]
+
+
+def end(mark: str) -> None:
+    """End the processes that this worker keeps for a stage, whatever they are at."""
+    for place in [place for place in _processes if place[0] == mark]:
+        process, channel = _processes.pop(place)
+        process.kill()
         process.wait()
+        channel.close()
 
 
 def answer(channel: int) -> None:
-    """Receive a task from a pipe, do it, and send its result and its error; channel: number of the pipe's open file."""
+    """Do the tasks that come from a pipe, and send the result and the error of each; channel: number of its file."""
     die_with_parent()
-    with Connection(channel) as pipe:
-        module, function, arguments = pipe.recv()
-        try:
-            reply = getattr(importlib.import_module(module), function)(*arguments, lambda *_: None), None
-        except Exception as error:
-            error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
-            reply = None, error
-        pipe.send(reply)
+    with Connection(channel) as pipe, contextlib.suppress(EOFError):  # the worker has ended
+        while True:
+            module, function, arguments = pipe.recv()
+            try:
+                reply = getattr(importlib.import_module(module), function)(*arguments, lambda *_: None), None
+            except Exception as error:
+                error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
+                reply = None, error
+            pipe.send(reply)

@@ -126,10 +126,6 @@ class Workspace:
         """Return the scores of naming the object from recorded joint angles alone (output of joint_angles)."""
         return self.experiment_folder(experiment) / "probe.csv"
 
-    def stag(self, experiment: str) -> Path:
-        """Return the scores of figure 15 on STAG (output of stag); only a header without the user's file."""
-        return self.experiment_folder(experiment) / "stag.csv"
-
     def claim_inputs(self, experiment: str) -> Path:
         """Return the numbers that claims need beside scores, times and counts (output of claim_inputs)."""
         return self.experiment_folder(experiment) / "claim_inputs.csv"

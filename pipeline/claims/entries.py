@@ -11,7 +11,6 @@ A file names its paper and where the results of its claims are, on simulated and
     data, kind, unit, protocol, metric   where they are not those of the file
     over               what the interval is over, where that is not seeds
     measured           true where it rests on measured times, which differ between runs and machines
-    absent             why there may be no results: then the claim is outside of what our data can test
     tried              what was tried to find the reason, where the claim is not reproduced
 
 A family is `for` (axis -> values) and `claims`: its entries once for every combination. In every text `{axis}` is the
@@ -40,7 +39,7 @@ CONSTRUCTION, CALIBRATION = "by construction", "calibration"
 KINDS = {"near": NUMBER, "measured_near": NUMBER, "equal": COUNT, "fewer": COUNT, "calibrated": CALIBRATION}  # by rule
 UNTESTABLE = "untestable"
 KEYS = {"id", "text", "source", "each", "name", "published", "data", "kind", "unit", "protocol", "metric"}
-KEYS |= {"over", "measured", "absent", "tried"}
+KEYS |= {"over", "measured", "tried"}
 HEAD = {"paper", "title", "names", "simulated", "recorded", "claims", "lists"}
 
 
@@ -82,7 +81,6 @@ class Claim:
     over: str = "seeds"
     measured: bool = False
     reason: str = ""  # of an untestable claim
-    absent: str = ""
     tried: str = ""
 
 
@@ -220,7 +218,6 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         options["step"] = paper_says(step_of.format_map(words), "step")
     said = {**words, "published": value}
     text = {key: entry[key].format_map(said) for key in ("id", "text", "source")}
-    text |= {key: entry.get(key, "").format_map(said) for key in ("absent", "tried")}
     return Claim(
         id=f"{head['paper']}/{text['id']}" + ("/recorded" if data == "recorded" else ""),
         paper=head["paper"],
@@ -241,8 +238,7 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         over=entry.get("over", "seeds"),
         measured=entry.get("measured", False),
         reason=entry[rule].format_map(words) if rule == UNTESTABLE else "",
-        absent=text["absent"],
-        tried=text["tried"],
+        tried=entry.get("tried", "").format_map(said),
     )
 
 

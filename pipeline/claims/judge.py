@@ -28,8 +28,6 @@ def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
         return Judgement(np.nan, np.nan, np.nan, OUTSIDE, claim.reason), ""
     full, trained = _ruled(claim, results, FULL)
     half, _ = _ruled(claim, results, HALF)
-    if full.runs == 0 and claim.absent:
-        return replace(full, verdict=OUTSIDE, reason=claim.absent), ""
     if not trained and full.runs:
         return full, ANY
     if full.runs == 0 and not half.runs:

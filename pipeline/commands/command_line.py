@@ -46,7 +46,6 @@ GROUPS = {  # heading of the help -> command -> its module
         "fit-strain": "fit_strain",
         "calibrate": "calibrate",
         "coverage": "coverage",
-        "rates": "rates",
         "cards": "cards",
     },
 }

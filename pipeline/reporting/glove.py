@@ -49,14 +49,12 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     accuracy, report = target / "accuracy", Report(workspace, "glove", settings)
     table = read_windows(workspace, "glove")
     objects, protocols = images.classes(table), glove_results.main_protocols(settings)
-    counts, stag = glove_results.read_counts(workspace), glove_results.read_stag(workspace)
+    counts = glove_results.read_counts(workspace)
     files.write_table(accuracy / "table1.csv", score_table(report, with_published=True))
     gains = augmentation_table(report)
     if augmented := bool(gains["gain"].notna().any()):
         files.write_table(accuracy / "table2.csv", gains)
     by_number = draw_frames(workspace, accuracy, settings)
-    if len(stag):
-        draw_by_frames(accuracy / "figure15_stag.png", {"STAG": stag}, "Figure 15: the STAG data set")
     draw_laws(accuracy, settings)
     draw_grasp(accuracy / "figure10.png", table, objects)
     draw_sequences(workspace, accuracy / "figure13.png", settings["sensor"]["reference_ohm"], objects)
@@ -72,7 +70,6 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
         alike=glove_results.like_with_like(counts),
         counts=counts[counts["published_macs"].notna()].fillna({"note": ""}),
         confused={dataset: list(most_confused(report, dataset, protocols[dataset])) for dataset in asked},
-        stag=len(stag) > 0,
         yardstick=settings["yardstick"],
     )
     panels = {dataset: (protocol, dataset) for dataset, protocol in protocols.items()}
@@ -141,7 +138,7 @@ def draw_frames(workspace: Workspace, folder: Path, settings: Mapping) -> bool:
 
 
 def draw_by_frames(path: Path, tables: Mapping[str, pd.DataFrame], title: str) -> None:
-    """Draw macro precision against the number of input frames, one panel per table, rows as of stag.csv."""
+    """Draw macro precision against the number of input frames, one panel per table, rows as of `read_frames`."""
     panels, ticks = {}, set()
     for name, table in tables.items():
         groups = table[table["metric"] == "macro_precision"].groupby(["model", "form"], sort=False)

@@ -152,21 +152,19 @@ def strand_correlations(table: pa.Table, task: str) -> dict[str, float]:
 
 
 def glove(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
-    """Yield what the claims of SP-ResNet need of the glove, and of the STAG data set where the user has it."""
+    """Yield what the claims of SP-ResNet need of the glove."""
     table, protocols = read_windows(workspace, "glove"), glove_results.main_protocols(settings)
     if "sp_resnet" in settings["models"]:
         yield from confusions(workspace, settings, table, protocols)
 
 
 def glove_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
-    """Yield the scores of input frames, of the glove's study and of the STAG data set."""
+    """Yield the scores of input frames."""
     compared = [model for model in glove_results.COMPARED if model in settings["models"]]
     for dataset in ("combined", "pressure"):
         frames = glove_results.read_frames(workspace, dataset, compared)
         place = {"protocol": f"{settings['input_frames']['split']}_{dataset}", "condition": dataset}
         yield from (place | row for row in by_frames(frames))
-    recorded = by_frames(glove_results.read_stag(workspace)) if workspace.stag("glove").exists() else ()
-    yield from ({"experiment": "glove_recorded", "condition": "stag", **row} for row in recorded)
 
 
 def confusions(workspace: Workspace, settings: Mapping, table: pa.Table, protocols: Mapping[str, str]) -> Iterator[Row]:

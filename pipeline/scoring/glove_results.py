@@ -31,13 +31,8 @@ def like_with_like(counts: pd.DataFrame) -> pd.DataFrame:
     return counts[counts["published_macs"].isna()].set_index("model")
 
 
-def read_stag(workspace: Workspace) -> pd.DataFrame:
-    """Read scores on the STAG data set, as `read_frames` does; no row where the user has named no file."""
-    return with_one_frame(read_csv(workspace.stag("glove"), FRAMES_COLUMNS, "python -m pipeline.studies.stag glove"))
-
-
 def read_frames(workspace: Workspace, dataset: str, models: Sequence[str]) -> pd.DataFrame:
-    """Return the scores by number of input frames on one dataset of the glove, in both forms; columns as in stag.csv.
+    """Return FRAMES_COLUMNS: scores by number of input frames on one dataset of the glove, in both forms.
 
     No row where the study was not computed, or of another dataset than it trained on.
     """

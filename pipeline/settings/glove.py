@@ -20,7 +20,6 @@ from pipeline.settings.shared import (
     Protocol,
     RateHz,
     SceneNumber,
-    Seeds,
     Specimens,
     SplitInThree,
     Text,
@@ -125,14 +124,6 @@ class InputFrames(Block):
     numbers: Distinct[Annotated[int, Field(ge=1, le=8)]] = Field(description="Numbers of frames that a network sees")
 
 
-class Stag(Block):
-    """The public data set of the STAG glove, where you have it."""
-
-    file: Text = Field(description="Path of its metadata.mat, such as data/own/metadata.mat, or `none`")
-    seeds: Seeds = Field(description="Seeds of every run")
-    validation: Fraction = Field(description="Share of its training recordings that validates")
-
-
 class Glove(Block):
     source: Text = Field(description="`simulated`, or a folder of your own logs: <object>/<session>/scanner.log")
     sensor: Sensor = Field(description="The glove, or another sensor whose readings make an image")
@@ -145,5 +136,4 @@ class Glove(Block):
     budget: Budget
     models: Models = Field(description="The models to train, by their keys")
     input_frames: InputFrames = Field(description="Figure 15: networks that see several frames at once")
-    stag: Stag = Field(description="The public data set of the STAG glove")
     latency: Latency = Field(description="How the time of a prediction is measured")

@@ -294,7 +294,6 @@ def glove(workspace, settings: dict, experiment: str = "glove") -> tuple:
         }
     )
     schemas.write(workspace.frames("glove"), frames.schema, [frames])
-    (workspace.experiment_folder("glove") / "stag.csv").write_text("form,model,seed,frames,metric,unit,value,n\n")
     all_ = by_frames({"sp_resnet": [0.7, 0.8], "resnet3x3": [0.6, 0.75]})
     one = by_frames({"sp_resnet": [0.65, 0.68, 0.72], "resnet3x3": [0.5, 0.6, 0.65]}, 1, "mean")
     together = pd.concat(

@@ -126,7 +126,6 @@ def laid_out(workspace, monkeypatch):
             table[table["experiment"] == experiment].to_csv(path(experiment), index=False)
         workspace.reports.mkdir()
         shutil.copy(REPORTS / "counts.csv", workspace.reports)
-        workspace.stag(experiment).write_text("form,model,seed,frames,metric,unit,value,n\n")
         target = workspace.root / "report"
         for part in ("accuracy", "speed"):
             (target / part).mkdir(parents=True)

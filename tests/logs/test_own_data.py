@@ -99,7 +99,7 @@ def test_a_link_to_a_folder_is_refused_with_the_command_that_fixes_it(workspace,
     assert said.startswith(f"{link} is a link to a folder, in which `dvc repro` would not notice a change; ")
     assert "\n" not in said
     if way is link_to_a_folder:
-        assert own_data.unnoticed(workspace, place / LOG) == said  # so for glove.stag.file
+        assert own_data.unnoticed(workspace, place / LOG) == said
     command = said.split("`")[-2]
     assert shlex.split(command)[:2] == ["rm", str(link)]
     if shutil.which("cp") and subprocess.run(command, shell=True, capture_output=True).returncode == 0:  # GNU's cp

@@ -264,15 +264,6 @@ def test_verdicts_of_a_report_are_those_of_the_claims(workspace, made, unplotted
     assert len({row[3] for row in judged}) > 1
 
 
-@pytest.mark.slow
-def test_stag_is_drawn_where_there_is_a_file(workspace, made, unplotted, monkeypatch):
-    settings = made("glove")
-    levels = {"sp_resnet": np.linspace(0.6, 0.74, 8), "resnet3x3": np.linspace(0.5, 0.64, 8)}
-    made_reports.by_frames(levels, 1).to_csv(workspace.experiment_folder("glove") / "stag.csv", index=False)
-    text = (made_reports.rendered(workspace, "glove", settings, monkeypatch) / "accuracy" / "README.md").read_text()
-    assert "(figure15_stag.png)" in text and "no file of it is named" not in text
-
-
 def test_a_run_that_is_not_there_is_said(workspace, made):
     settings = made("touch")
     scores = pd.read_csv(workspace.scores("touch"))
@@ -306,7 +297,6 @@ def test_the_ratio_of_shares_is_that_of_what_is_missing(workspace, made):
         ("touch", "predictions/rnn.parquet"),
         ("touch", "models/rnn/press-1/fit.json"),
         ("touch", "models/rnn/press-1/history.csv"),
-        ("glove", "stag.csv"),
         ("glove_recorded", "probe.csv"),
     ],
 )

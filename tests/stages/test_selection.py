@@ -16,14 +16,12 @@ from pipeline.datasets import images, schemas
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import TorchRegressor, zero_linear
 from pipeline.learning.trained import Fitted
-from pipeline.logs import stag
 from pipeline.scoring import metrics
 from pipeline.settings.training import AugmentedTraining, WindowTraining
 from pipeline.stability import changed_scene
 from pipeline.stages import train as train_stage
 from pipeline.studies import physics as physics_study
 from pipeline.studies import sizes
-from pipeline.studies import stag as stag_stage
 
 EPOCHS, FRAMES, ELEMENTS, OUTPUTS = 5, 2, 3, 4
 PART = np.repeat(["train", "validation", "test"], [80, 20, 20])
@@ -89,15 +87,6 @@ def images_dataset(path, wrong: str) -> None:
     )
     table = images.with_pictures(table, {"pressure": halves(label).reshape(-1, images.SIDE, images.SIDE)})
     schemas.write(path, table.schema, [table])
-
-
-def stag_data(wrong: str, validation: float) -> stag.Stag:
-    """Six recordings, of which the stage takes one or more of the training part for the validation."""
-    label, part = np.arange(120) % 2, np.repeat(["train", "test"], [80, 40])
-    recording = np.array([f"r{k // 20}" for k in range(120)])
-    data = stag.Stag(halves(label)[:, None].astype(np.float32), label, ["a", "b"], recording, part)
-    chosen = stag_stage.parts(data, validation, 0)
-    return data._replace(label=np.where(chosen == wrong, 1 - label, label))
 
 
 @pytest.fixture
@@ -172,15 +161,8 @@ def of_physics_glove(workspace, values, wrong, folder):
     ablation(workspace, values, "glove")
 
 
-def of_train_stag(workspace, values, wrong, folder):
-    data = stag_data(wrong, values["glove"]["stag"]["validation"])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stag, "read", lambda workspace, path: data)
-        stag_stage.train_run(workspace, values, "glove", "sp_resnet", 0, 1, "metadata.mat", nothing)
-
-
 STAGES = (of_train, of_train_images, of_rightsize_touch, of_rightsize_glove)
-STAGES += (of_physics_touch, of_physics_glove, of_train_stag)
+STAGES += (of_physics_touch, of_physics_glove)
 
 
 @pytest.mark.parametrize("stage", STAGES)

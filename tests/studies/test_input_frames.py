@@ -11,10 +11,8 @@ from pipeline.base import params
 from pipeline.datasets import images, schemas
 from pipeline.learning import image_classifier
 from pipeline.learning.image_classifier import spec_of
-from pipeline.logs import stag
 from pipeline.scoring import classification, frame_sets
 from pipeline.studies import input_frames, joined_frames
-from pipeline.studies import stag as stag_study
 
 GROUP = np.repeat([4, 1, 7, 2], [5, 2, 9, 4])  # numbers of sessions
 TRAINING = {"learning_rate": 3e-3, "batch_size": 16, "epochs": 2}
@@ -204,13 +202,3 @@ def test_without_the_networks_the_table_is_empty(workspace, values):
     values["glove"]["models"] = {"constant": {}}
     input_frames.main(workspace)
     assert written(workspace) == []
-
-
-def test_the_study_of_stag_trains_on_several_frames_too(workspace, values, monkeypatch):
-    x, y, session, part = grasps()
-    data = stag.Stag(x, y.argmax(axis=1), ["a", "b"], np.array([f"r{k}" for k in session]), part)
-    data = data._replace(part=np.where(part == "validation", "train", part))
-    monkeypatch.setattr(stag, "read", lambda *given: data)
-    for frames, form, numbers in ((2, "trained", {2}), (1, "mean", {1, 2, 3, 4})):
-        rows = stag_study.train_run(workspace, values, "glove", "sp_resnet", 0, frames, "metadata.mat", None)
-        assert {row[:3] for row in rows} == {(form, "sp_resnet", 0)} and {row[3] for row in rows} == numbers

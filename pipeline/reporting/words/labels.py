@@ -107,7 +107,7 @@ PERTURBATIONS = {
         "margin of the grip over the slip force times 2 to the severity",
     ),
 }
-FORMS = {  # as input_frames.csv and stag.csv call them: how a network predicts from several input frames
+FORMS = {  # as input_frames.csv calls them: how a network predicts from several input frames
     "trained": "one network trained on all frames",
     "mean": "mean prediction of a one-frame network",
 }

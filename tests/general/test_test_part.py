@@ -1,0 +1,181 @@
+"""A changed test part changes nothing that is fitted: who hands the wrong part to a right function is found here.
+
+Readings and labels of the test rows of a dataset are exchanged for others. Then models are trained, described,
+calibrated and put under stress anew, and what was fitted must be the same. The same with the validation part, which
+networks stop by and intervals are calibrated on: closed forms, ranges and levels must stay.
+"""
+
+import shutil
+from collections.abc import Mapping
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+
+from pipeline import tasks
+from pipeline.base import params
+from pipeline.base.paths import MODEL_ZERO, Workspace
+from pipeline.datasets import schemas
+from pipeline.inference import calibration, channels
+from pipeline.inference.describer import Describer
+from pipeline.stability import images as stress_of_images
+from pipeline.stability import series as stress_of_series
+from pipeline.stability import windows as stress_of_windows
+from pipeline.stages import train
+
+RUNS = {"touch": ("press", 0), "strain": ("task_1", 0), "glove": ("session_combined", 0)}
+CLOSED = {"touch": ["constant", "linear", "tree"], "strain": ["constant", "ridge"], "glove": ["naive_bayes", "tree"]}
+NETWORKS = {
+    "touch": ["cnn", "lomp", "lomp_stream"],
+    "strain": ["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"],
+    "glove": ["resnet3x3"],
+}
+READINGS, LABELS = ("x", "v", "pressure", "strain", "combined"), ("y", "force_n", "label")
+
+
+class Enough(Exception):
+    """What a stress test would need of the training part is known."""
+
+
+def exchange(table: pa.Table, rows: np.ndarray) -> pa.Table:
+    """Give rows (n,) the readings and labels of other rows of them, and readings 1.3 times as large."""
+    for number, name in enumerate(table.column_names):
+        if name in READINGS + LABELS:
+            values = schemas.matrix(table[name]) if name != "label" else table[name].to_numpy()
+            values = values.copy()
+            changed = np.roll(values[rows], len(rows) // 2, axis=0) * (1.3 if name in READINGS else 1)
+            values[rows] = np.clip(changed, None, 255 if values.dtype == np.uint8 else None).astype(values.dtype)
+            kind = table.schema.field(name).type
+            column = schemas.lists(values, kind.value_type) if name != "label" else pa.array(values, kind)
+            table = table.set_column(number, table.schema.field(name), column)
+    return table
+
+
+def change(workspace: Workspace, experiment: str, part: str) -> None:
+    """Change a part of an experiment's dataset, and the frames that its images were made of."""
+    path, run = workspace.dataset(experiment), RUNS[experiment]
+    table = pyarrow.parquet.read_table(path)
+    rows = np.flatnonzero(schemas.names(table[schemas.split_column(*run)]) == part)
+    changed = exchange(table, rows)
+    assert len(rows) > 3 and not changed.equals(table)
+    pyarrow.parquet.write_table(changed, path)
+    if experiment == "glove":
+        frames = pyarrow.parquet.read_table(workspace.frames(experiment))
+        own = {(table["condition"][k].as_py(), table["recording"][k].as_py()) for k in rows.tolist()}
+        names = zip(schemas.names(frames["condition"]), schemas.names(frames["recording"]), strict=True)
+        frames = exchange(frames, np.flatnonzero([name in own for name in names]))
+        pyarrow.parquet.write_table(frames, workspace.frames(experiment))
+
+
+def levels(workspace: Workspace, values: Mapping, experiment: str, patch: pytest.MonkeyPatch) -> list[np.ndarray]:
+    """Return what a stress test takes from the training part of a run: rest, range and levels of the readings."""
+    seen: list[np.ndarray] = []
+    model, task = CLOSED[experiment][0], tasks.kind(experiment)
+    values = values | {"stress": values["stress"] | {experiment: values["stress"][experiment] | {"perturbations": {}}}}
+    if task == "windows":
+        made = stress_of_windows.perturber
+
+        def perturber(*given):
+            x, perturb = np.full((3, 8, 25), 400.0), made(*given)
+            names = ("noise", "gain_drift", "offset_drift", "dead")
+            seen.extend(perturb(x, name, 0.2, np.random.default_rng(0)) for name in names[:3])
+            raise Enough
+
+        patch.setattr(stress_of_windows, "perturber", perturber)
+        asked = stress_of_windows.rows
+    elif task == "series":
+        found = stress_of_series.levels
+
+        def of_series(*given):
+            seen.extend(map(np.asarray, found(*given)))
+            raise Enough
+
+        patch.setattr(stress_of_series, "levels", of_series)
+        asked = stress_of_series.rows
+    else:
+        read = stress_of_images.read
+        patch.setattr(stress_of_images.clean_scores, "checker", lambda *given: lambda *of_run: None)
+
+        def of_images(*given):
+            areas = read(*given).areas.values()
+            seen.extend(np.asarray(part) for area in areas for part in (area.wired, area.span, area.rest))
+            raise Enough
+
+        patch.setattr(stress_of_images, "read", of_images)
+        asked = stress_of_images.rows
+    with pytest.raises(Enough):
+        asked(workspace, values, experiment, model, lambda *numbers: None)
+    return seen
+
+
+def fitted(workspace: Workspace, values: Mapping, experiment: str, names: list[str]) -> dict[str, object]:
+    """Train models of one run anew; return all that is fitted to it."""
+    protocol, seed = RUNS[experiment]
+    found: dict[str, object] = {}
+    base = tasks.of(experiment).base(experiment, values[experiment], protocol)
+    for name in ([MODEL_ZERO] if base else []) + names:
+        of = base if name == MODEL_ZERO else protocol
+        folder = workspace.run_folder(experiment, name, of, seed)
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        train.train_run(workspace, values, experiment, name, of, seed, folder, lambda *numbers: None)
+        for path in sorted(folder.iterdir()):
+            if path.name in ("network.safetensors", "estimator.skops", "history.csv"):
+                found[f"{name}: {path.name}"] = path.read_bytes()
+    describer = Describer(workspace, values, experiment)
+    for name in names:
+        card = describer.card(name, protocol, seed, "")
+        found[f"{name}: ranges"] = card.trained_on
+        found[f"{name}: correlation"] = channels.trained(workspace, values[experiment], card)
+        calibrated = calibration.calibrated(workspace, values, card, refit=True).calibration
+        found[f"{name}: intervals"] = calibrated and calibrated.bounds
+        runs = [(protocol, seed)]
+        load = lambda *run, name=name: tasks.load(workspace, values, experiment, name, *run)  # noqa: E731
+        for _, _, tests in tasks.of(experiment).tested(
+            workspace.dataset(experiment), experiment, values[experiment], runs, load
+        ):
+            rows = [row for *_, scored in tests for row in scored]
+            found[f"{name}: force gain"] = {(*row[:2], row[3]) for row in rows if row[1] == "force_gain"}
+            found[f"{name}: scores"] = rows
+    with pytest.MonkeyPatch.context() as patch:
+        found["levels"] = [level.tolist() for level in levels(workspace, values, experiment, patch)]
+    return found
+
+
+@pytest.fixture(scope="module")
+def as_it_was(miniature, tmp_path_factory):
+    """Experiment -> a workspace of its own with its data, and all that is fitted to them."""
+    found = {}
+
+    def of(experiment: str) -> tuple[Workspace, dict]:
+        if experiment not in found:
+            place = Workspace(tmp_path_factory.mktemp(experiment))
+            for name in ("params", "params.yaml", f"data/{experiment}"):
+                source = miniature.folder / name
+                copy = shutil.copytree if source.is_dir() else shutil.copy
+                (place.root / name).parent.mkdir(parents=True, exist_ok=True)
+                copy(source, place.root / name)
+            values = params.load(place.params)
+            found[experiment] = place, fitted(place, values, experiment, CLOSED[experiment] + NETWORKS[experiment])
+        return found[experiment]
+
+    return of
+
+
+@pytest.mark.parametrize("part", ["test", "validation"])
+@pytest.mark.parametrize("experiment", RUNS)
+def test_what_is_fitted_does_not_see_a_part_that_it_must_not(experiment, part, as_it_was, tmp_path):
+    place, before = as_it_was(experiment)
+    shutil.copytree(place.root, tmp_path / "changed")
+    workspace = Workspace(tmp_path / "changed")
+    change(workspace, experiment, part)
+    names = CLOSED[experiment] + (NETWORKS[experiment] if part == "test" else [])
+    after = fitted(workspace, params.load(workspace.params), experiment, names)
+    moved = {name for name in after if after[name] != before[name]}
+    may_move = {name for name in after if name.endswith(": scores")}
+    if part == "validation":
+        may_move |= {name for name in after if name.endswith((": intervals", ": history.csv"))}
+        if experiment == "strain":  # solved models of series are fitted to both parts, as in the paper
+            may_move |= {name for name in after if name.endswith((".safetensors", ".skops"))}
+    assert sorted(moved - may_move) == [] and moved & may_move
