@@ -28,7 +28,7 @@ def git_state(workspace: Workspace, of: Sequence[str] = (".", ":!dvc.lock", ":!r
         changes = _git(workspace, "status", "--porcelain", "--", *of)
     except (OSError, ValueError, subprocess.CalledProcessError):
         pack = paths.CODE.parent / "pack.json"
-        with foreign.reading(pack, "what `tactile pack` wrote", "pack again"):
+        with foreign.reading(pack, "a note of the commit", "pack again"):
             packed = pack.is_file() and json.loads(pack.read_text(encoding="utf-8"))["commit"]
         return (packed, "false") if packed else (UNKNOWN, UNKNOWN)
     return commit, "true" if changes else "false"

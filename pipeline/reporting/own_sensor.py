@@ -57,7 +57,7 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
     kind, rows = experiments.module(experiment).KIND, read_windows(workspace, experiment)
     report = Report(workspace, experiment, settings)
     path = paths.require(workspace.ingest_report(experiment), "tactile own")
-    with foreign.reading(path, "a report of ingest", "run `tactile own` again"):
+    with foreign.reading(path, "a report of ingest", "run the command again"):
         ingested = json.loads(path.read_text(encoding="utf-8"))
     files.write_text(target / "scores.csv", workspace.scores(experiment).read_text(encoding="utf-8"))
     unknown = PLACE if kind == "windows" and settings["sensor"]["rows"] * settings["sensor"]["cols"] == 1 else ()

@@ -98,7 +98,8 @@ def packages(tmp_path_factory, logs) -> dict[str, Package]:
         model = predictor.load(folder)
         log = logs[named[model.card.kind]]
         recording = recordings.read(log, "run", model.card)
-        predictions.write(out, log.parent, [(recording, recordings.predict(model, recording))], model.card, [{}])
+        with predictions.writing(out, log.parent, model.card) as write:
+            write(recording, recordings.predict(model, recording), {})
         for reading in recording.x[:3]:
             model.step(reading)
 
