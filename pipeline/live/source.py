@@ -162,7 +162,7 @@ class Lines:
             return
         columns = line.count(self._separator) + 1
         self._columns[columns] += 1
-        if self._columns[columns] == OTHER_ARRAY_LINES:
+        if self._columns[columns] >= max(OTHER_ARRAY_LINES, self.count / 2):  # else it is noise, of a wrong baud rate
             raise InputError(
                 f"{self.name}: its lines have {columns} columns, but {self.who} takes "
                 f"{len(self.format.names)} ({self.format.shown}); take a model of this sensor"

@@ -61,6 +61,16 @@ def test_another_array_is_named(lines):
         lines.take(narrow)
 
 
+def test_noise_is_not_said_to_be_another_sensor(lines):
+    """Of random bytes one line in 1,000 is a single digit, or another number of columns."""
+    rng = np.random.default_rng(0)
+    for _ in range(2000):
+        assert lines.take(rng.bytes(4096)) == []
+    assert lines._columns[1] > 20 and lines.count > 20_000
+    with pytest.raises(InputError, match="lines have 3 columns"):
+        lines.take(b"\n" + b"1000,1,2\n" * (2 * lines.count))
+
+
 def test_a_log_is_replayed_at_its_speed(tmp_path, lines):
     log = tmp_path / "array.log"
     log.write_bytes(printed(press(26)))
