@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import sys
+import unicodedata
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,12 +25,18 @@ PIPE_CLOSED = 141  # exit status that a shell gives a command which writes to a 
 # Words of torch and of the system for what Python calls MemoryError.
 NO_MEMORY = re.compile(r"can't allocate memory|cannot allocate memory|out of memory|bad_alloc", re.IGNORECASE)
 
+HIDDEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # categories of signs that are not seen as they are
+
 
 class InputError(Exception):
-    """Bad input: the message, one line, names the file and the line or key, what is wrong, and what to do."""
+    """Bad input: the message, one line, names the file and the line or key, what is wrong, and what to do.
+
+    What it quotes may hold signs that move a terminal's cursor or turn its text: they are shown as Python escapes them.
+    """
 
     def __init__(self, message: str):
-        super().__init__(re.sub(r"\s*[\r\n]\s*", " ", message))  # a quoted library's message may have several lines
+        line = " ".join(part.strip() for part in re.split(r"[\r\n]+", message))  # a library's may have several
+        super().__init__("".join(ascii(c)[1:-1] if unicodedata.category(c) in HIDDEN else c for c in line).strip())
 
 
 def run_stage(main: Callable[[], None], params: Path) -> None:

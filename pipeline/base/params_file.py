@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from pipeline.base import files, foreign, params
 from pipeline.base.errors import InputError
@@ -62,8 +63,10 @@ def _float(representer, value: float):
 
 def _flow(value):
     """Put lists and blocks on one line, as in the rest of the file."""
+    if isinstance(value, str) and "?" in value:  # which ends a text in a list for the parser in C
+        return DoubleQuotedScalarString(value)
     if isinstance(value, list):
-        sequence = CommentedSeq(value)
+        sequence = CommentedSeq([_flow(item) for item in value])
         sequence.fa.set_flow_style()
         return sequence
     if isinstance(value, dict):

@@ -310,6 +310,7 @@ class Reader:
             return None
         if isinstance(columns, str):
             first, last = map(int, columns.split(".."))
+            self._check_count(max(0, last - first + 1))
             columns = list(range(first, last + 1))
         self._check_count(len(columns))
         return [column - 1 for column in columns]

@@ -5,6 +5,7 @@ time that grows with the line alone. It knows letters and digits of ASCII only i
 """
 
 import re
+import warnings
 
 import re2
 
@@ -26,7 +27,8 @@ def compiled(pattern: str):
     Raises ValueError, which says why, for what is no regular expression of `re` or cannot be searched in linear time.
     """
     try:
-        expected = re.compile(pattern)
+        with warnings.catch_warnings(action="ignore"):  # of sets that a later Python may read otherwise
+            expected = re.compile(pattern)
     except (re.error, OverflowError, RecursionError) as error:
         raise ValueError(f"'{pattern}' is no regular expression ({error})") from error
     if pattern == ZONE:

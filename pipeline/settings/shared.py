@@ -7,6 +7,7 @@ largest value of any setting here.
 import codecs
 import contextlib
 import re
+import warnings
 from datetime import datetime
 from typing import Annotated, Literal, TypeVar
 
@@ -222,7 +223,7 @@ class Layout(Block):
             raise ValueError(f"no encoding is called '{given}'; utf-8, utf-16 and latin-1 are") from error
         try:
             is_text = decoder("replace").decode(A_LINE.encode(given), True) == A_LINE
-            with contextlib.suppress(UnicodeError):  # UTF-16 asks for its mark
+            with contextlib.suppress(UnicodeError), warnings.catch_warnings(action="ignore"):  # a mark
                 is_text &= not any(map(HALF.match, decoder("replace").decode(ANY_BYTES, True)))
         except Exception as error:  # codecs that are no encodings of text raise what they like
             raise ValueError(f"'{given}' is no encoding of text ({error}); utf-8 and latin-1 are") from error

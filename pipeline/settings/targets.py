@@ -2,11 +2,12 @@
 
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from pipeline.settings import patterns
 from pipeline.settings.shared import Block, Place, Positive, Text
 
+LONGEST_NAME = 255  # bytes of a file's name, on every system
 PATTERNED = ("person", "day", "session")  # of which the path of a recording tells
 
 
@@ -30,6 +31,13 @@ class Target(Block):
     window_s: Positive = Field(
         default=None, description="How far a prediction looks back (s), where not as the creep of the sensor asks"
     )
+
+    @field_validator("file")
+    @classmethod
+    def _can_be_a_name(cls, given: str) -> str:
+        if "\0" in given or any(len(part.encode(errors="replace")) > LONGEST_NAME for part in given.split("/")):
+            raise ValueError(f"no file can have this name of {len(given)} characters; write that of a log")
+        return given
 
     @model_validator(mode="after")
     def _has_one_source(self) -> "Target":
