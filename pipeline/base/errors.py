@@ -25,7 +25,7 @@ PIPE_CLOSED = 141  # exit status that a shell gives a command which writes to a 
 # Words of torch and of the system for what Python calls MemoryError.
 NO_MEMORY = re.compile(r"can't allocate memory|cannot allocate memory|out of memory|bad_alloc", re.IGNORECASE)
 
-HIDDEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # categories of signs that are not seen as they are
+HIDDEN = ("Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp")  # categories of signs that are not seen as they are
 
 
 class InputError(Exception):

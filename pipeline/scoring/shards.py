@@ -101,7 +101,8 @@ def table(path: Path, columns: list[str]) -> pd.DataFrame:
             raise InputError(f"{path}: column '{absent[0]}' is missing; {remedy}")
         if not isinstance(found.index, pd.RangeIndex):  # pandas takes the first field of longer rows for their names
             raise InputError(f"{path}: its rows have more fields than its header; {remedy}")
-        found[columns].astype({name: kind for name, kind in NUMBERS.items() if name in columns})
+        for name in NUMBERS.keys() & set(columns):  # ValueError where one is no number
+            found[name][found[name] != ""].astype(NUMBERS[name])
     return found
 
 
@@ -131,7 +132,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
         rows = read_csv(path, COLUMNS, MADE_BY)
-        tables.append(rows.assign(of=int(row.seed)))
+        tables.append(rows.assign(of=int(row.seed or 0)))
         if row.shard in of_shard:
             tables.append(_training_times(of_shard[row.shard], rows, row.budget))
     return _once(pd.concat(tables, ignore_index=True))

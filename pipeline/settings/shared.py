@@ -226,7 +226,8 @@ class Layout(Block):
             with contextlib.suppress(UnicodeError), warnings.catch_warnings(action="ignore"):  # a mark
                 is_text &= not any(map(HALF.match, decoder("replace").decode(ANY_BYTES, True)))
         except Exception as error:  # codecs that are no encodings of text raise what they like
-            raise ValueError(f"'{given}' is no encoding of text ({error}); utf-8 and latin-1 are") from error
+            reason = str(error) or type(error).__name__
+            raise ValueError(f"'{given}' is no encoding of text ({reason}); utf-8 and latin-1 are") from error
         if not is_text:
             raise ValueError(f"'{given}' is no encoding of text; utf-8 and latin-1 are")
         return given

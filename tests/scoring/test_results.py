@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.scoring import results
+from pipeline.base.errors import InputError
+from pipeline.scoring import results, shards
 
 RUNS = (3, 4, 5, 10, 24)  # of the evidence
 SIMULATED = 2000  # a coverage of 0.95 is then known to 0.005
@@ -94,3 +95,24 @@ def test_two_runs_have_a_mean_and_no_interval(scale):
     found = results.estimate([0.5, 0.6], scale)
     assert 0.5 < found.mean < 0.6 and np.isnan(found[1:3]).all()
     assert np.isnan(results.estimate([1.0, 1.0], scale)[1:3]).all()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        b"",
+        b"\xff\xfe\x00",
+        b"shard,model\n",
+        b"shard,model,protocol,seed,epochs,train_s\na,b,c,x,1,2\n",
+        b"shard,model,protocol,seed,epochs,train_s\na,b,c,0,1,two\n",
+        b"shard,model,protocol,seed,epochs,train_s\na,b,c,0,1,2,3\na,b,c,0,1,2,3\n",
+        b"shard,model,protocol,seed,epochs,train_s\na,b,c,0,1,2\na,b,c,0,1,2,3\n",
+    ],
+)
+def test_a_damaged_table_of_the_evidence_is_one_sentence(damage, tmp_path):
+    path = tmp_path / "times.csv"
+    path.write_bytes(damage)
+    with pytest.raises(InputError, match=r"times\.csv: .*; get it again from git"):
+        shards.table(path, shards.TIMES)
+    path.write_bytes(b"shard,model,protocol,seed,epochs,train_s\na,b,c,0,1,2\n")
+    assert shards.table(path, shards.TIMES).to_dict("records")[0]["train_s"] == "2"
