@@ -21,7 +21,10 @@ from pipeline.inference import packages, predictions, predictor, recordings  # n
 from pipeline.logs import parse, sources
 from pipeline.reporting.figures import style
 from pipeline.scoring import shards
+from pipeline.scoring.shards import Shard
+from pipeline.settings.shards import ShardSet
 from pipeline.sheet import quantities
+from pipeline.stages import shard
 
 FEW = 4  # kills of a command that takes half a second, else all
 SLOW = functools.partial(pytest.param, marks=pytest.mark.slow)
@@ -193,7 +196,7 @@ def test_own(there, room, tmp_path):
 
     put()
     count = len(kills.run(call, room, notes).changes)
-    for number in sorted({1 + k * (count - 1) // 11 for k in range(12)}):
+    for number in sorted({1 + k * (count - 1) // 5 for k in range(6)}):
         put()
         kills.run(call, room, notes, number)
         for place, *either in zip(places, before, whole, strict=True):
@@ -221,6 +224,46 @@ def test_lines_of_the_evidence(there, tmp_path):
         shards.upsert(target, shards.INDEX, "strain-0-half", [{"shard": "strain-0-half", **LINE}])
 
     assert kills.sweep(call, put, target, tmp_path / "notes") >= 2
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_files_of_a_shard(there, room, tmp_path, monkeypatch):
+    """Each is former or new, the line of the index comes last, and a mixture has not the digest that it tells of."""
+    workspace = Workspace(room)
+    described = {"experiment": "touch", "data": "a", "protocols": ["press"], "seeds": 1, "minutes": 1}
+    own_data = ShardSet(**described, study="physics", own_data=True)
+    monkeypatch.setattr(shard.provenance, "git_state", lambda workspace: ("a" * 40, "false"))
+    monkeypatch.setattr(shard, "machine", lambda *given: "a machine")
+    one, target = Shard("physics_touch", 0, "full"), room / "evidence"
+    places = [shards.study_file(workspace, "touch", name, 0) for name in ("physics", "sizes")]
+
+    def call(words: str = "new") -> None:
+        made = Workspace(tmp_path / "made")
+        for name in ("physics", "sizes"):
+            files.write_text(made.study_result("touch", name), f"value\n{words} {name}\n")
+        shard.keep_study(workspace, made, one, own_data, {"device": "cpu"}, 1.0)
+
+    def put() -> None:
+        shutil.rmtree(target, ignore_errors=True)
+        if there:
+            call("former")
+
+    put()
+    before = kills.tree(target) or {}
+    count = len(kills.run(call, target, tmp_path / "notes").changes)
+    whole = kills.tree(target)
+    for number in range(1, count + 1):
+        put()
+        assert kills.run(call, target, tmp_path / "notes", number).code == -9
+        left = {name: each for name, each in (kills.tree(target) or {}).items() if not name.endswith(files.UNFINISHED)}
+        assert all(each in (before.get(name), whole[name]) for name, each in left.items())
+        lines = shards.table(target / "index.csv", shards.INDEX)
+        if len(lines) and shards.digest(places) == lines["sha256"].iloc[0]:
+            assert len({path.read_text().split()[1] for path in places}) == 1, "of one run"
+        if left.get("index.csv") == whole["index.csv"]:
+            assert left == whole
+        assert kills.run(call, target, tmp_path / "notes").code == 0
+        assert kills.tree(target) == whole and not kills.drafts(target)
 
 
 def test_a_killed_import_leaves_no_recording(array, table, tmp_path):
