@@ -67,10 +67,10 @@ def parsed(path: Path, kind: type[Of], again: str) -> tuple[Of, str]:
     """Return a card and its text; InputError, which ends in `again`, where it is broken. No digest is looked at."""
     with foreign.reading(path, "a card of a model", again, LARGEST):
         text = path.read_bytes().decode("utf-8")
-    try:
-        return kind.model_validate_json(text, strict=True), text
-    except ValidationError as error:
-        found = error.errors(include_url=False, include_input=False)
+        try:
+            return kind.model_validate_json(text, strict=True), text
+        except ValidationError as error:
+            found = error.errors(include_url=False, include_input=False)
     if {(("files",), "missing"), (("sha256",), "extra_forbidden")} <= {
         (fault["loc"], fault["type"]) for fault in found
     }:

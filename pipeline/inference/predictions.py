@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline.base import files, ranges
+from pipeline.base import files, foreign, ranges
+from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.inference import intervals, recordings, touches
 from pipeline.inference.card import Card
@@ -139,8 +140,9 @@ def file_names(names: Iterable[str]) -> list[str]:
 
 
 def read_summary(folder: Path) -> dict:
-    """Return summary.json of a folder of predictions."""
-    return json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    """Return summary.json of a folder of predictions; InputError for one that is absent or damaged."""
+    with foreign.reading(folder / SUMMARY, "a summary of predictions", "predict again"):
+        return json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
 
 
 def held(folder: Path) -> str | None:
@@ -148,7 +150,7 @@ def held(folder: Path) -> str | None:
     try:
         summary_ = read_summary(folder)
         return origin(summary_["model"], summary_.get("logs", "unknown logs"))
-    except (OSError, ValueError, LookupError, TypeError):
+    except (InputError, LookupError, TypeError):
         return None
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pipeline import experiments, tasks
-from pipeline.base import files, params
+from pipeline.base import files, foreign, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import MODEL_ZERO, Workspace
 from pipeline.datasets import schemas
@@ -22,7 +22,8 @@ def digests(workspace: Workspace, settings: Mapping, experiment: str) -> dict[st
     report = workspace.ingest_report(experiment)
     if not report.is_file():
         return None
-    names = list(json.loads(report.read_text(encoding="utf-8")).get("recordings", {}))
+    with foreign.reading(report, "a report of ingest", f"run `python -m pipeline.stages.ingest {experiment}`"):
+        names = list(json.loads(report.read_text(encoding="utf-8")).get("recordings", {}))
     if not names:
         return None
     try:
