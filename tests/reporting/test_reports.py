@@ -236,7 +236,7 @@ def test_numbers_of_glove(shown):
     assert [row[4] for row in rows if len(row) == 7] == [rows[0][4], "82.00"]  # by session, on random frames
     counted = [row for row in map(cells, text.splitlines()) if row[0].startswith("SP-ResNet (reduction")]
     assert [row[-2:] for row in counted] == [["30", "300"], ["", ""]]  # like with like only as trained
-    assert "1,824,033,792" in text and "no file of it is named" in text and "pipeline/models/lomp.py" not in text
+    assert "1,824,033,792" in text and "for research only" in text and "pipeline/models/lomp.py" not in text
 
     table = pd.read_csv(target / "accuracy" / "table1.csv").set_index(["protocol", "model", "metric"])
     assert table.loc[("session_strain", "sp_resnet", "macro_precision"), "mean"] == pytest.approx(0.83)
