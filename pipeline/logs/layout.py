@@ -28,6 +28,7 @@ BLOCK = 1 << 20  # bytes read at once
 ABOVE = 200  # lines, of which those above the first row are left out; banners and titles are fewer
 LONGEST_LINE = 1 << 24  # characters; a log without line ends must not fill the memory
 LATEST = 10**18  # in the unit of a log; a time beyond is none
+MOST_DIGITS = 40  # of a time in any unit
 MOST_ALIKE = 10_000  # lines of one time that are spread; a clock that stands still for longer has no times
 NANOSECONDS = {unit: round(size) for unit, size in units.SIZES["time"].items()}
 MOST_SAID = 1000  # different words of lines whose units are remembered
@@ -646,7 +647,7 @@ class Reader:
                 value = Decimal(stamp)
             except InvalidOperation:
                 return None
-            if not value.is_finite():
+            if not value.is_finite() or value.adjusted() > MOST_DIGITS:
                 return None
             unit = self.layout.time_unit
             if unit and self._zero is None:

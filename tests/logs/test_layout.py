@@ -426,3 +426,15 @@ def test_copies_among_lines_of_one_time_are_no_frames(tmp_path, stamp):
     counts, rows, _ = laid_out(tmp_path, 16, 1, STAMPS_US[stamp], np.full(2000, 2))
     assert rows["v0"].to_numpy().tolist() == counts[:, 0].tolist()
     assert np.median(np.diff(rows["t_us"].to_numpy())) == 20_000
+
+
+@pytest.mark.parametrize("time", ["1e999999", "-1e999999", "9e99999999", "1e-999999", "1e41"])
+@pytest.mark.parametrize("unit", ["s", "min"])
+def test_a_time_beyond_all_times_is_a_line_that_cannot_be_read(time, unit, tmp_path):
+    lines = [f"{k / 1000},{k % 7}" for k in range(400)]
+    wrong = [*lines[:200], f"{time},4", *lines[200:]]
+    read = []
+    for name, some in (("a.log", lines), ("b.log", wrong)):
+        (tmp_path / name).write_text("\n".join(some) + "\n")
+        read.append(parse.read_log(tmp_path / name, ROBOT, layout={"separator": ",", "time_unit": unit})[0])
+    assert read[0].drop(["line"]).equals(read[1].drop(["line"]))
