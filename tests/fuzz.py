@@ -281,6 +281,7 @@ def _paths(value, above: tuple = ()) -> Iterator[tuple]:
 
 def cards(work: Path) -> Callable[[random.Random], Attempt]:
     """Cards of saved models, beside their weights, for which a log is predicted."""
+    from pipeline.base import cards as base_cards
     from pipeline.inference import predictor, recordings
 
     paths, whole, every = {}, {}, {}
@@ -289,7 +290,7 @@ def cards(work: Path) -> Callable[[random.Random], Attempt]:
         paths[name].parent.mkdir(parents=True)
         paths[name].write_bytes(b"".join(data.splitlines(True)[:60]))
         whole[name] = json.loads((ROOT / "pretrained" / folder / "card.json").read_text())
-        left = ("sha256", "scores", "commit", "calibration")
+        left = ("files", "scores", "commit", "calibration")
         every[name] = [path for path in _paths(whole[name]) if path and path[0] not in left]
 
     def one(rnd: random.Random) -> Attempt:
@@ -305,7 +306,10 @@ def cards(work: Path) -> Callable[[random.Random], Attempt]:
                     del block[path[-1]]
                 else:
                     block[path[-1]] = rnd.choice(VALUES)
-        content = json.dumps(card).encode() if rnd.random() < 0.8 else mutated((source / "card.json").read_bytes(), rnd)
+        if rnd.random() < 0.8:  # as one who crafts a card would write its digest
+            content = base_cards.sealed(json.dumps(card, indent=1), "card.json").encode()
+        else:
+            content = mutated((source / "card.json").read_bytes(), rnd)
 
         def call():
             shutil.rmtree(target, ignore_errors=True)
@@ -325,6 +329,7 @@ def cards(work: Path) -> Callable[[random.Random], Attempt]:
 
 def weights(work: Path) -> Callable[[random.Random], Attempt]:
     """Files of weights whose card has their digest."""
+    from pipeline.base import cards as base_cards
     from pipeline.inference import predictor
 
     def one(rnd: random.Random) -> Attempt:
@@ -332,11 +337,11 @@ def weights(work: Path) -> Callable[[random.Random], Attempt]:
         card, data = json.loads((source / "card.json").read_text()), (source / "network.safetensors").read_bytes()
         head = 8 + int.from_bytes(data[:8], "little")
         changed = mutated(data[:head], rnd) + data[head:] if rnd.random() < 0.7 else mutated(data, rnd)
-        card["sha256"] = hashlib.sha256(changed).hexdigest()
+        card["files"] = {"network.safetensors": hashlib.sha256(changed).hexdigest(), "card.json": ""}
         target = work / "package"
         target.mkdir(exist_ok=True)
         (target / "network.safetensors").write_bytes(changed)
-        (target / "card.json").write_text(json.dumps(card))
+        (target / "card.json").write_text(base_cards.sealed(json.dumps(card, indent=1), "card.json"))
         return "network.safetensors", changed, lambda: predictor.load(target)
 
     return one
@@ -355,7 +360,7 @@ def estimators(work: Path) -> Callable[[random.Random], Attempt]:
     def one(rnd: random.Random) -> Attempt:
         changed = in_archive(data, rnd)
         (work / kept.ESTIMATOR_FILE).write_bytes(changed)
-        return "estimator.skops", changed, lambda: kept.read(work, ("sklearn.tree._tree.Tree",))
+        return "estimator.skops", changed, lambda: kept.read(work, ("sklearn.tree._tree.Tree",)).predict(x)
 
     return one
 
