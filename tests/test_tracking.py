@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from builders import live_models
+from builders import kills, live_models
 from builders.devices import until
 from builders.made_results import EPOCHS, fit_linear, write_results
 from builders.project import ROOT
@@ -51,6 +51,7 @@ PARAMS = {
     "velostat_recorded": {"budget": 1.0, "protocols": {"repetition": {"seeds": [0]}}, "models": {"linear": {}}},
 }
 SEEDS = (0, 1)
+KILLS = 5
 LINEAR = ("linear", "0")
 LOGS = [cards.Log(name="single/run000", sha256="0" * 64, parts=["train"])]
 
@@ -219,6 +220,29 @@ def test_what_was_deleted_or_left_half_way_is_logged_anew(workspace, tracked):
     assert client(workspace).get_run(unfinished).info.status == "KILLED"
     assert client(workspace).get_run(deleted).info.lifecycle_stage == "deleted"
     assert not {deleted, unfinished} & {run.info.run_id for run in current(workspace).values()}
+
+
+def test_after_a_kill_the_next_call_ends_as_a_quiet_one(tracked, workspace, tmp_path, monkeypatch):
+    """Killed before its first, its last and some other changes of files in the store."""
+    monkeypatch.setattr(training_logs, "added", lambda *given: given[2].model_copy(update={"logs": LOGS}))
+    quiet = {key: (run.data.metrics, run.data.params) for key, run in current(workspace).items()}
+    killed = []
+
+    def call(name: str, at: int = 0) -> kills.Ended:
+        place = Workspace(tmp_path / name)
+        if not place.root.exists():
+            shutil.copytree(tracked, place.root, ignore=shutil.ignore_patterns("mlruns"))
+        return kills.run(lambda: mlflow_runs.track(place, PARAMS), place.mlflow, tmp_path / "notes", at)
+
+    count = len(call("whole").changes)
+    for at in sorted({round(1 + (count - 1) * k / (KILLS - 1)) for k in range(KILLS)}):
+        place = Workspace(tmp_path / f"killed{at}")
+        assert call(place.root.name, at).code == -signal.SIGKILL
+        again = call(place.root.name)
+        assert again.code == 0, again.said
+        assert {key: (run.data.metrics, run.data.params) for key, run in current(place).items()} == quiet, at
+        killed += [run for run in all_runs(place).values() if run.info.status == "KILLED"]
+    assert killed  # what was under way is called so
 
 
 def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(workspace, tracked, tmp_path):
