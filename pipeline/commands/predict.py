@@ -65,7 +65,9 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     def opened(path: Path, name: str) -> tuple[recordings.Recording, predictor.Predictor]:
         """Return what a log says, and the model for logs that are printed so."""
         of_log = model.read_as(beside.of_log(path))
-        return recordings.read(path, name, of_log.card), of_log
+        recording = recordings.read(path, name, of_log.card)
+        recordings.check_memory(recording, card)
+        return recording, of_log
 
     with files.replacing_folder(target) as draft:
         with predictions.writing(draft, place, card) as write:

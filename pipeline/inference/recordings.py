@@ -5,6 +5,7 @@ Lines are checked and ordered as in training (pipeline/logs/parse.py), and what 
 
 import contextlib
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -13,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments, tasks
-from pipeline.base import correlation, files
+from pipeline.base import correlation, files, processes
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.datasets.series import Record
@@ -32,6 +33,7 @@ SIMULATED = "simulated"  # as a source of logs
 TRAIN, TEST = "train", "test"  # parts of a split
 
 
+HELD_BYTES = 10  # of memory, for each number of a prediction until it is written: 4.0 kB for a map of 400
 NOTHING = np.empty(0, int)
 
 
@@ -194,6 +196,16 @@ class Predicted(NamedTuple):
     values: np.ndarray  # (n, *output_shape); NaN: none
     outside: np.ndarray  # (n,) bool, as of Predictor.outside
     notes: list[str]  # sentences on a rate unlike that of training, on what is no measurement, on why nothing is said
+
+
+def check_memory(recording: Recording, card: Card) -> None:
+    """Raise InputError where the predictions of a recording do not fit into the memory that is free."""
+    needed, free = HELD_BYTES * len(recording.x) * math.prod(card.output_shape), processes.free_memory()
+    if free is not None and needed > free:
+        raise InputError(
+            f"{recording.name}: the predictions of its {len(recording.x)} readings take about {needed / 1e9:.3g} GB of "
+            f"memory, of which {free / 1e9:.3g} GB are free; divide the log, or free memory"
+        )
 
 
 def predict(model: Predictor, recording: Recording) -> Predicted:

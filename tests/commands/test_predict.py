@@ -13,7 +13,7 @@ import pytest
 from builders import free_targets, live_models, own_logs
 from builders.project import ROOT
 
-from pipeline.base import arguments, files, params
+from pipeline.base import arguments, files, params, processes
 from pipeline.base import cards as base_cards
 from pipeline.commands import targets
 from pipeline.commands.targets import Effort
@@ -212,6 +212,23 @@ def test_a_recording_of_several_parts_is_summed_up_as_one_of_one(linear, array, 
     assert whole == parts and json.loads(whole)["recordings"][0]["readings"] > 1000
     tables = [schemas.read(tmp_path / name / "predictions.parquet") for name in ("whole", "parts")]
     assert str(tables[0].to_pylist()) == str(tables[1].to_pylist())  # NaN is not NaN, but is written as it
+
+
+def test_a_log_whose_maps_do_not_fit_into_memory_is_listed_and_the_others_are_predicted(
+    linear, array, called, tmp_path, monkeypatch, capsys
+):
+    shutil.copytree(array, tmp_path / "logs" / "single")
+    long = tmp_path / "logs" / "single" / "day1_1" / "array.log"
+    lines = long.read_text().splitlines(keepends=True)
+    (tmp_path / "logs" / "single" / "day1_0" / "array.log").write_text("".join(lines[:100]))
+    monkeypatch.setattr(processes, "free_memory", lambda: 10 * 96 * (len(lines) - 100))  # maps of 8 x 12
+    with pytest.raises(SystemExit, match="1 of 2 logs cannot be read .*; the others are predicted"):
+        called("predict", linear, tmp_path / "logs", "--no-pictures", "--out", tmp_path / "out")
+    said = capsys.readouterr().out
+    assert "day1_1: the predictions of its" in said and "divide the log" in said
+    assert [*answer(tmp_path / "out")] == ["single/day1_0"]
+    monkeypatch.setattr(processes, "free_memory", lambda: None)
+    called("predict", linear, tmp_path / "logs", "--no-pictures", "--out", tmp_path / "out")
 
 
 def clock_twice_too_fast(text: str) -> str:
