@@ -144,16 +144,17 @@ def _answer(ours: Connection) -> None:
             ours.send((NO_MEMORY, None))
         except Exception as error:  # of a library that reads: see `reading`
             ours.send((FAILED, reason(error)))
+        _limit(None)  # the next call may import a library first
 
 
-def _limit(memory: int) -> None:
-    """Let this process take `memory` bytes more than it has; beyond that a MemoryError comes. On Linux."""
+def _limit(memory: int | None) -> None:
+    """Let this process take `memory` bytes more than it has, None: any; beyond that a MemoryError comes. On Linux."""
     size = Path("/proc/self/statm")
     if size.is_file():
         import resource  # Windows has no such module
 
         _, most = resource.getrlimit(resource.RLIMIT_AS)
-        wanted = int(size.read_text().split()[0]) * resource.getpagesize() + memory
+        wanted = most if memory is None else int(size.read_text().split()[0]) * resource.getpagesize() + memory
         resource.setrlimit(resource.RLIMIT_AS, (wanted if most == resource.RLIM_INFINITY else min(wanted, most), most))
 
 
