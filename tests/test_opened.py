@@ -45,6 +45,8 @@ def undeclared(project: Path, opened: set[tuple[str, str]], deps: Sequence[str],
         finished = DRAFT.sub("", path)
         if not finished or OWN.fullmatch(path) or covered(finished, outs if how == "write" else [*deps, *outs]):
             continue
+        if how != "write" and any(covered(out, [finished]) for out in outs):
+            continue  # a folder around an output: for the names of drafts in it, which killed processes have left
         if how != "write" and EVIDENCE.fullmatch(path) and "evidence/index.csv" in deps:
             continue
         ran = WHETHER_RUN.fullmatch(path)

@@ -198,7 +198,8 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
         "def build(spec, *, k: int):\n"
         "    return SklearnRegressor(lambda seed: KNeighborsRegressor(k), spec, count=lambda fitted: 0, macs=None,\n"
         "                            trusted=('sklearn.metrics._dist_metrics.EuclideanDistance64',\n"
-        "                                     'sklearn.neighbors._kd_tree.KDTree'))\n"
+        "                                     'sklearn.neighbors._kd_tree.KDTree',\n"
+        "                                     'sklearn.neighbors._regression.KNeighborsRegressor'))\n"
     )
     kept = params.load(copy / "params.yaml")["touch"]["models"]
     project.set({"touch.models": {"nearest": {"k": 3}} | {name: kept[name] for name in ("linear", "lomp")}})

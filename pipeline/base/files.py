@@ -198,7 +198,8 @@ def _on_disk(path: Path) -> None:
     """Wait until the disk has what a file holds, or which names a folder has."""
     if os.name == "nt" and path.is_dir():
         return  # Windows opens no folder
-    opened = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
+    of_folder = os.O_DIRECTORY if path.is_dir() else 0  # nothing in it is read
+    opened = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY | of_folder)
     try:
         os.fsync(opened)
     except OSError as error:

@@ -43,7 +43,13 @@ def start(device, tmp_path):
             *(arguments or (device.path, tmp_path / "new" / "log")),
         ]
         process = subprocess.Popen(
-            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
+            command,
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            bufsize=1,
+            preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),  # also where tests run under `nohup`
         )
         running.append(process)
         assert "recording" in process.stderr.readline()
@@ -212,6 +218,7 @@ def test_a_terminal_that_is_closed_ends_a_recording_which_loses_nothing(device, 
     line = [sys.executable, "-m", "pipeline.commands.command_line", "record", str(device.path), str(log)]
     child, terminal = pty.fork()  # in a session of its own, of which it is the terminal
     if not child:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
         os.chdir(ROOT)
         os.execv(sys.executable, line)
     try:

@@ -41,6 +41,8 @@ class Notes:
     def hear(self, event: str, arguments: tuple) -> None:
         """Python's audit events."""
         if event == "open":
+            if arguments[2] & getattr(os, "O_DIRECTORY", 0):
+                return  # a folder whose names the disk is to have; who reads names lists them
             writes = arguments[2] & (os.O_WRONLY | os.O_RDWR)
             self.add("write" if writes else "read", arguments[0])
         elif event in ("os.listdir", "os.scandir"):
