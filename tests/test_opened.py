@@ -22,7 +22,7 @@ EVIDENCE = re.compile(r"evidence/(results|studies)(/.*)?")  # whatever of it cha
 ALWAYS = {
     "this_machine": re.compile(
         r"dvc\.lock|mlruns(/.*)?|data/\w+(/.*)?|pipeline/scoring/published\.csv|evidence(/.*)?"
-        r"|reports/agreement\.md(\..*)?"
+        r"|reports(/agreement\.md(\..*)?)?"
     ),
 }
 
