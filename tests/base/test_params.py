@@ -149,9 +149,23 @@ def test_settings_of_a_model_are_read_without_its_other_imports(tmp_path):
         '"""Build the nearest neighbours.\n\nMore."""\nfrom pydantic import Field\nimport no_such_package\n'
         "from pipeline.settings.shared import Block, Count\n"
         'class Settings(Block):\n    k: Count = Field(description="Neighbours")\n'
+        '    width: float = Field(ge=1 / 64, le=2**3, description="Share of them")\n'
     )
     settings, meaning = settings_of_models.declared(path)
-    assert settings(k=3).k == 3 and meaning == "Build the nearest neighbours."
+    assert settings(k=3, width=1 / 64).k == 3 and meaning == "Build the nearest neighbours."
+    with pytest.raises(ValueError, match="greater than or equal to 0.015625"):
+        settings(k=3, width=1 / 65)
+
+
+@pytest.mark.parametrize("wrong", ["k: Nearest", "k: int = no_such_package.K", "k: int = Field(ge=1 / 0)"])
+def test_settings_of_a_model_that_python_cannot_make_are_one_sentence(tmp_path, wrong):
+    path = tmp_path / "nearest.py"
+    path.write_text(
+        "from pydantic import Field\nimport no_such_package\nfrom pipeline.settings.shared import Block\n"
+        f"class Settings(Block):\n    {wrong}\n"
+    )
+    with pytest.raises(TypeError, match=r"^pipeline/models/nearest.py: its class Settings cannot be made \("):
+        settings_of_models.declared(path)
 
 
 def undescribed(whole: dict) -> list[str]:
