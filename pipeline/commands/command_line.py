@@ -38,13 +38,8 @@ GROUPS = {  # heading of the help -> command -> its module
         "evidence": "evidence",
         "targets": "targets",
         "track": "track",
-        "pack": "pack",
-        "unpack": "unpack",
     },
-    "Maintain the scenes and models": {
-        "fit-material": "fit_material",
-        "fit-strain": "fit_strain",
-        "calibrate": "calibrate",
+    "Maintain the models": {
         "coverage": "coverage",
         "cards": "cards",
     },
