@@ -3,8 +3,10 @@
 import argparse
 import ast
 import copy
+import json
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -18,7 +20,7 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.commands import check
-from pipeline.settings import Params, schema
+from pipeline.settings import Params
 from pipeline.settings import models as settings_of_models
 
 WHOLE = params.load(ROOT / "params.yaml")
@@ -217,10 +219,14 @@ def test_every_key_of_params_yaml_is_in_the_schema():
     }
 
 
-def test_the_schema_for_editors_is_up_to_date():
-    assert (ROOT / "params.yaml").read_text().startswith("# yaml-language-server: $schema=params.schema.json\n")
-    made_anew = 'python -c "from pipeline.settings import schema; print(schema())" > params.schema.json'
-    assert (ROOT / "params.schema.json").read_text() == f"{schema()}\n", f"run {made_anew}"
+def test_editors_find_the_schema_where_it_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    runpy.run_module("pipeline.settings", run_name="__main__")
+    assert "params.schema.json" in (ROOT / ".gitignore").read_text().split()
+    assert json.loads((tmp_path / "params.schema.json").read_text())["properties"]["touch"]
+    for path in (ROOT / "params.yaml", *(ROOT / "params").glob("*.yaml")):
+        named = path.read_text().partition("\n")[0].removeprefix("# yaml-language-server: $schema=")
+        assert (path.parent / named).resolve() == ROOT / "params.schema.json"
 
 
 @pytest.mark.parametrize(
