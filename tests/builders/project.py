@@ -50,6 +50,15 @@ def miniature_settings(workspace: Workspace) -> dict:
     return params.load(workspace.params)
 
 
+def small_variants(folder: Path) -> None:
+    """Put the sets of the evidence into a folder, with the variants of the miniature."""
+    sets = yaml.safe_load((ROOT / "evidence" / "shards.yaml").read_text())
+    for name, variants in yaml.safe_load((ROOT / "tests" / "variants.yaml").read_text()).items():
+        sets[name]["variants"] = variants
+    (folder / "evidence").mkdir(exist_ok=True)
+    (folder / "evidence" / "shards.yaml").write_text(yaml.safe_dump(sets, sort_keys=False))
+
+
 def run_stage(patch: pytest.MonkeyPatch, workspace: Workspace, stage: ModuleType, *arguments: str) -> None:
     """Run a stage in this process, with the arguments of its command line."""
     patch.setattr(sys, "argv", [stage.__name__, *arguments])
@@ -95,6 +104,7 @@ class Project:
         for variable in ("MLFLOW_TRACKING_URI", "PYTHONDONTWRITEBYTECODE"):
             self.environment.pop(variable, None)
         shards.upsert(self.folder / "evidence" / "index.csv", shards.INDEX, "", [])  # no shard is at miniature scale
+        small_variants(self.folder)
         self.set(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()))
         self.dvc("init", "--no-scm", "--quiet")
 
