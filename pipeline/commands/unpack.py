@@ -232,7 +232,7 @@ def times_of(
     shown, found = folder / "times.csv", {}
     if not os.path.lexists(shown):
         return found
-    of_models = {name: each for name, each in sets.items() if not (each.study or each.variants)}
+    of_models = {name: each for name, each in sets.items() if not shards.study(each)}
     known = {shard.name: shard for shard in shards.shards(of_models)}
     rows = rows_of(copied(folder, "times.csv", draft), shown, shards.TIMES)
     only(shown, rows, "shard", known)

@@ -30,6 +30,7 @@ STUDY = "study"  # in the column `protocol` of index.csv, for a study
 NUMBERS = {"seed": int, "epochs": float, "core_s": float, "train_s": float}  # columns of both
 MADE_BY = "tactile evidence"
 SETS = "evidence/shards.yaml"
+VARIANTS = "variants"  # the study that runs them
 
 
 class Shard(NamedTuple):
@@ -90,7 +91,12 @@ def shards(sets: dict[str, ShardSet]) -> list[Shard]:
 
 def budgets(each: ShardSet) -> tuple[str, ...]:
     """Return the budgets of a set; a study or a variant has its own recipe, which is run whole."""
-    return (FULL,) if each.study or each.variants else tuple(each.budgets)
+    return (FULL,) if study(each) else tuple(each.budgets)
+
+
+def study(each: ShardSet) -> str:
+    """Return the module of pipeline/studies that the shards of a set run; none where they train and score models."""
+    return each.study or (VARIANTS if each.variants else "")
 
 
 def named(each: ShardSet) -> str:

@@ -37,7 +37,6 @@ SHARES = {HALF: 0.5, FULL: 1.0}  # of the epochs of a recipe, by budget
 UNMADE = ("budget", "models", "input_frames", "latency", "yardstick", "yardstick_task_2")  # no data are made from these
 LINKED = ("dataset.parquet", "frames.parquet", "ingest.json", "logs")  # of a set's data, in the folder of a shard
 ROOMS = ("datasets", "experiments", "logs", "scenes", "tasks")  # code that makes data
-VARIANTS = "variants"  # of pipeline/studies
 MEASURED = "train_s"  # metric: goes to times.csv, for results are the same in every run
 
 
@@ -121,13 +120,13 @@ def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) ->
         link.unlink(missing_ok=True)
         if (made := data.experiment_folder(each.experiment) / name).exists():
             link.symlink_to(made.resolve())
-    if each.study or each.variants:
+    if study := shards.study(each):
         if each.models:
             modules.run(own.root, "pipeline.stages.train", each.experiment)
             settings_of(workspace, each.model_copy(update={"models": []}), own, further_of(shard, each))
-        alone = {shard.set: each.model_copy(update={"like": ""}).model_dump()}
+        alone = {shard.set: each.model_dump(exclude={"like"}, exclude_defaults=True)}
         files.write_text(shards.folder(own) / "shards.yaml", json.dumps(alone))  # which the module variants reads
-        modules.run(own.root, f"pipeline.studies.{each.study or VARIANTS}", each.experiment, str(shard.seed))
+        modules.run(own.root, f"pipeline.studies.{study}", each.experiment, str(shard.seed))
         keep_study(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
     else:
         for stage in ("train", "evaluate"):

@@ -17,7 +17,7 @@ from types import ModuleType
 import pytest
 import yaml
 
-from pipeline.base import modules, params
+from pipeline.base import files, modules, params
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.base.processes import ONE_THREAD
@@ -216,16 +216,23 @@ def warm_python(folder: Path) -> Iterator[dict[str, str]]:
 
 
 def run_studies(project: Project) -> None:
-    """Compute all studies of the evidence with two seeds, on the data and models of the miniature itself."""
+    """Compute all studies and variants of the evidence with two seeds, on the data and models of the miniature."""
     workspace = Workspace(project.folder)
-    computed = {(each.study, each.experiment) for each in shards.read_sets(Workspace(ROOT)).values() if each.study}
+    sets = shards.read_sets(workspace).items()
+    computed = {(study, each.experiment): name for name, each in sets if (study := shards.study(each))}
     for seed in (0, 1):
         project.stages(*(f"studies.{study} {experiment} {seed}" for study, experiment in sorted(computed)))
         for experiment in ("touch", "strain", "glove"):
             for table in workspace.study_result(experiment, "any").parent.glob("*.csv"):
+                name = f"{computed.get((table.stem, experiment))}-{seed}-full"
                 kept = shards.study_file(workspace, experiment, table.stem, seed)
+                kept = shards.result_file(workspace, name) if table.stem == shards.VARIANTS else kept
                 kept.parent.mkdir(parents=True, exist_ok=True)
                 table.rename(kept)
+                if table.stem == shards.VARIANTS:
+                    line = dict.fromkeys(shards.INDEX, "") | {"shard": name, "experiment": experiment, "seed": seed}
+                    line["sha256"] = files.sha256(kept)
+                    shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, name, [line])
     index = shards.folder(workspace) / "index.csv"
     index.write_text(index.read_text() + "\n")  # tells DVC that there is something new
 
