@@ -547,7 +547,8 @@ def task(protocol: str, settings: Mapping) -> series.Task:
             f"params/strain.yaml, strain.protocols: no task '{protocol}'; the tasks are {', '.join(known)}"
         )
     channels = list(range(settings["sensor"]["channels"]))
-    base = MODEL_ZERO_TASK if MODEL_ZERO_TASK in known else next(iter(known))
+    base = settings.get("protocols", {}).get(protocol, {}).get("base")
+    base = base or (MODEL_ZERO_TASK if MODEL_ZERO_TASK in known else next(iter(known)))
     pressed_only = settings["sensor"].get("pressed_below_mm") is not None
     return series.Task(known[protocol], {protocol: channels}, pressed_only, base)
 

@@ -14,7 +14,6 @@ from pydantic import Field
 from pipeline.settings.glove import Glove
 from pipeline.settings.glove_recorded import GloveRecorded
 from pipeline.settings.physics import Physics
-from pipeline.settings.rightsize import Rightsize
 from pipeline.settings.shared import Block, Distinct
 from pipeline.settings.strain import Strain
 from pipeline.settings.strain_recorded import StrainRecorded
@@ -38,7 +37,6 @@ class Params(Block):
     glove_recorded: GloveRecorded = Field(description="Recorded grasps of a robot hand with tactile sensors")
     stress: Stress = Field(description="What goes wrong after training, by experiment")
     physics: Physics = Field(description="Every effect of a scene left out in turn, by experiment")
-    rightsize: Rightsize = Field(description="Size ladders, by experiment")
 
 
 def schema() -> str:

@@ -9,7 +9,7 @@ from pipeline.base import arguments, files, params
 from pipeline.base.availability import has_report, why_not_run
 from pipeline.base.paths import Workspace
 from pipeline.reporting import glove, glove_recorded, own_sensor, strain, strain_recorded, touch, velostat_recorded
-from pipeline.scoring.kept import say_kept
+from pipeline.scoring.results import say_kept
 
 REPORTS = {  # each module is named as its experiment
     report.__name__.rpartition(".")[2]: report

@@ -191,7 +191,7 @@ def test_every_key_has_a_meaning():
 
 
 def test_every_key_of_params_yaml_is_in_the_schema():
-    """Or is a name: of a protocol, a task, a row of an ablation, a condition."""
+    """Or is a name: of a protocol, a task, a condition."""
     whole, named = Params.model_json_schema(), set()
 
     def walk(value, field: dict, where: str) -> None:
@@ -213,8 +213,6 @@ def test_every_key_of_params_yaml_is_in_the_schema():
         ".physics.touch.scene",
         ".strain.protocols",
         ".strain_recorded.protocols",
-        ".touch.ablation",
-        ".touch.ablation.settings",
         *(f".stress.{experiment}.usable" for experiment in WHOLE["experiments"]),
         ".stress.touch.recordings",
     }

@@ -39,7 +39,10 @@ def build(spec: Spec, *, ridge: float) -> SklearnRegressor:
     """Return the unfitted model."""
     return SklearnRegressor(lambda seed: Ridge(ridge), spec, count=lambda fitted: fitted.coef_.size, macs=None)
 '''
-STUDY = "capacity: {like: strain, study: latent, models: [lstm_direct], seeds: 1, minutes: 1}\n"
+VARIANT = "{models: [lstm_direct], protocols: [task_1], set: {strain.models.lstm_direct.units: %d}}"
+STUDY = (
+    f"capacity: {{like: strain, seeds: 1, minutes: 1, variants: {{units_3: {VARIANT % 3}, units_5: {VARIANT % 5}}}}}\n"
+)
 STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render")
 
 
@@ -74,7 +77,7 @@ def test_a_model_of_two_files_is_trained_and_in_the_report(tmp_path):
     project = Project(tmp_path)
     copy_code(project.folder)
     (project.folder / "pipeline" / "models" / "whole_ridge.py").write_text(MODEL)
-    few = {"touch.simulate.specimens": 1, "touch.protocols.press.seeds": [0], "touch.ablation": {}}
+    few = {"touch.simulate.specimens": 1, "touch.protocols.press.seeds": [0]}
     project.set({"touch.models": {"constant": {}, "linear": {}, "whole_ridge": {"ridge": 1.0}}} | few)
     project.stages(*(f"stages.{stage} touch" for stage in STAGES))
     report = project.folder / "reports" / "touch"
