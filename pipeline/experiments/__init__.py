@@ -3,6 +3,7 @@
 Every module provides
 
 * `KIND`: `windows`, `series` or `images`, the kind of input its models see (pipeline/tasks);
+* `FACTS`: names, units, metrics and files, see pipeline/base/facts.py;
 * `recordings(folder)` -> the recordings in a folder of raw logs, sorted;
 * `read_recording(path, settings)` -> (frames, rejected lines, report) of one recording; a module whose recordings may
   be long also has `read_in_parts`, which returns the frames part by part;
@@ -18,12 +19,29 @@ and, by kind:
 """
 
 import importlib
+from functools import cache
 from types import ModuleType
+from typing import get_args
 
-EVERY = ("KIND", "recordings", "read_recording", "frames_schema", "split")
+from pipeline.base.facts import Facts
+from pipeline.settings import Experiment
+
+NAMES: tuple[str, ...] = get_args(Experiment)
+EVERY = ("KIND", "FACTS", "recordings", "read_recording", "frames_schema", "split")
 OF_KIND = {"windows": ("labels", "SCORES", "STRESSED"), "series": ("task",), "images": ("chosen", "images")}
 
 
 def module(experiment: str) -> ModuleType:
     """Return the module of an experiment that params.yaml names."""
     return importlib.import_module(f"pipeline.experiments.{experiment}")
+
+
+def facts(experiment: str) -> Facts:
+    """Return the facts of an experiment."""
+    return module(experiment).FACTS
+
+
+@cache
+def having(fact: str) -> dict:
+    """Return experiment -> its fact of this name, of those that have it: `having("log")` are people's own sensors."""
+    return {name: value for name in NAMES if (value := getattr(facts(name), fact))}

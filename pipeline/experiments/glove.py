@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Paper, Twin
 from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas, specimens
 from pipeline.datasets.seeding import generator
@@ -19,6 +20,26 @@ from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "images"
+FACTS = Facts(
+    label="Glove",
+    unit="levels",
+    output_unit="probability",
+    metric="accuracy",
+    compared=("random_frames_combined", "session_combined"),
+    score="main/combined.macro_precision",
+    tested={
+        ("session_pressure", "pressure"): "pressure",
+        ("session_strain", "strain"): "strain",
+        ("session_combined", "combined"): "pressure and strain",
+    },
+    log="scanner.log",
+    layout=("ingest.max_reject_fraction",),
+    sensor=("sensor.areas", "sensor.scale", "sensor.reference_ohm"),
+    quick=("constant", "window_ridge", "window_trees", "naive_bayes", "tree", "sp_resnet"),
+    paper=Paper("sp_resnet", "macro_precision", "precision", 100),
+    twin=Twin("glove_recorded", "Glove: recorded grasps of a robot hand and those of the glove"),
+    studies=("input_frames",),
+)
 
 CLOCK = Column("t_us", "us", -(2.0**31), 2**53, integer=True)
 

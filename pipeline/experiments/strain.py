@@ -8,12 +8,29 @@ import pyarrow as pa
 from scipy.stats import theilslopes
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Panel, Paper, Twin
 from pipeline.datasets import schemas, series
 from pipeline.logs import alignment, layout, parse
 from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "series"
+FACTS = Facts(
+    label="Strain",
+    unit="V",
+    output_unit="mm",
+    metric="error",
+    compared=("task_2",),
+    score="main/task_2.error",
+    log="daq.log",
+    truth=("robot.log",),
+    layout=("ingest.max_reject_fraction", "ingest.clock", "ingest.max_clock_offset_s", "ingest.min_correlation"),
+    sensor=("sensor.channels", "sensor.unit"),
+    panels=(Panel("Voltage (V)", r"daq", r"u\d+"), Panel("Place (mm)", r"robot", r"[xyz]_mm")),
+    quick=("constant", "ridge", "window_ridge", "window_trees", "press_difference", "lstm_direct"),
+    paper=Paper("latent", "error", "test error", 1),
+    twin=Twin("strain_recorded", "Strain: the recorded strands and the finger's"),
+)
 
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.
 CLOCK = Column("t_s", "s", 0, 4e9)

@@ -11,6 +11,7 @@ import pyarrow as pa
 from scipy.ndimage import median_filter
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Panel, Paper, Twin
 from pipeline.datasets import labels as labels_kpa
 from pipeline.datasets import schemas, specimens, windowing
 from pipeline.datasets.seeding import generator
@@ -21,6 +22,41 @@ from pipeline.logs.report import log_report
 KIND = "windows"
 SCORES = "touch"
 STRESSED = ("single", "double")
+FACTS = Facts(
+    label="Touch",
+    unit="counts",
+    output_unit="kPa",
+    metric="rmse",
+    compared=("random_window", "press"),
+    score="main/double.rmse",
+    tested={
+        ("press", "single"): "single touches",
+        ("press", "double"): "double touches",
+        ("press", "single_anew"): "fresh single touches",
+        ("press", "several"): "several touches at once",
+    },
+    log="array.log",
+    truth=("load_cell.log", "cnc.log"),
+    layout=(
+        *("sensor.order", "ingest.max_reject_fraction", "ingest.clock", "ingest.max_clock_offset_s"),
+        *("ingest.min_correlation", "ingest.max_touches"),
+    ),
+    sensor=("sensor.rows", "sensor.cols", "ingest.highest_count"),
+    panels=(
+        Panel("Force (N)", r"load_cell.*", r"fz_n"),
+        Panel(
+            "Array, sum above\nrest (counts)",
+            r"array",
+            r"v\d+",
+            lambda cells: sum(map(alignment.strength_above_rest, cells.T)),
+        ),
+        Panel("Place (mm)", r"cnc.*", r"[xy]_mm"),
+    ),
+    quick=("constant", "window_ridge", "window_trees", "rbf", "lomp"),
+    paper=Paper("lomp", "rmse", "RMSE", 1),
+    twin=Twin("velostat_recorded", "Touch: the recorded Velostat taxel and the array's element"),
+    studies=("ablation",),
+)
 
 # Ranges are what no such device can exceed: time since its start or since 1970, below 0 where micros() is printed
 # with a sign, a 1 kN load cell, a 2 m CNC.

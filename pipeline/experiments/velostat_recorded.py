@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Source
 from pipeline.datasets import schemas
 from pipeline.logs import alignment, parse
 from pipeline.logs.formats import Column, Format
@@ -16,6 +17,23 @@ from pipeline.logs.report import log_report
 KIND = "windows"
 SCORES = "velostat_recorded"
 STRESSED = ("all",)
+FACTS = Facts(
+    label="Recorded Velostat taxel",
+    unit="counts",
+    output_unit="N",
+    metric="rmse",
+    compared=("repetition",),
+    score="main/all.rmse",
+    tested={("repetition", "all"): "all recordings"},
+    pooled=("all",),
+    source=Source(
+        repository="Lupasic/tactile-sensor-velostat",
+        commit="c319860a13fcde964917329370ae31314024a96f",
+        folder="src/experimental_data",
+        licence="none given: use the recordings, do not redistribute them",
+        size=16_927_854,
+    ),
+)
 
 CLOCK = Column("unix_time_s", "s", 1e9, 4e9)  # the years 2001 to 2096
 VELOSTAT = Format((Column("reading", "1", 0, 1e5), CLOCK), time="unix_time_s", separator=" ")
