@@ -26,10 +26,10 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import labels, schemas
 from pipeline.datasets.windowing import windows_of
-from pipeline.experiments import touch
+from pipeline.experiments import log_name, sensor_format, touch
 from pipeline.inference import timing
 from pipeline.logs import alignment, diagnosis, layout, no_measurement, own_data, parse, rest, shown, sniff, units
-from pipeline.logs.formats import DUPLICATE, LOGS, Column
+from pipeline.logs.formats import DUPLICATE, Column
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
@@ -84,22 +84,6 @@ class Checked(NamedTuple):
         return f"{self.folder.parent.name}/{self.folder.name}"
 
 
-def formats(experiment: str, folder: Path, settings: Mapping) -> dict[str, parse.Format]:
-    """Return log -> format of its lines, for every log that a recording's folder should have."""
-    module = experiments.module(experiment)
-    if experiment == "strain":
-        return module.formats(settings)
-    if experiment == "glove":
-        return {module.LOG: module.scanner_format(settings)}
-    expected = {"array.log": module.array_format(settings)}
-    for device, fmt in (("load_cell", module.LOAD_CELL), ("cnc", module.CNC)):
-        further = sorted(path.name for path in folder.glob(f"{device}_*.log"))
-        expected |= dict.fromkeys([f"{device}.log", *further], fmt)
-    if settings["sensor"]["rows"] * settings["sensor"]["cols"] == 1 and not (folder / "cnc.log").is_file():
-        del expected["cnc.log"]  # one element cannot tell a place
-    return expected
-
-
 class Read(NamedTuple):
     """One log of a recording."""
 
@@ -137,7 +121,7 @@ def read_one(experiment: str, path: Path, fmt: parse.Format, settings: Mapping) 
 def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
     """Read one recording; what cannot be used becomes a problem, not an exception."""
     read, problems, proposals = {}, [], {}
-    expected = formats(experiment, folder, settings)
+    expected = experiments.module(experiment).formats(settings, folder)
     for name, fmt in expected.items():
         path = folder / name
         if not path.is_file():
@@ -165,11 +149,11 @@ def checked(experiment: str, folder: Path, settings: Mapping) -> Checked:
 
 def areas_of(read: list[Checked], settings: Mapping) -> own_logs.Ranges:
     """Return what there is to say of the ranges of a scanner's readings; one that is said to rise is not doubted."""
-    laid_out = layout.of(settings["ingest"], LOGS["glove"])
+    laid_out = layout.of(settings["ingest"], log_name("glove"))
     logs = {}
     for recording in read:
-        proposal = recording.proposals.get(LOGS["glove"])
-        logs[recording.folder / LOGS["glove"]] = own_logs.trial(proposal) if proposal else laid_out
+        proposal = recording.proposals.get(log_name("glove"))
+        logs[recording.folder / log_name("glove")] = own_logs.trial(proposal) if proposal else laid_out
     ranges = own_logs.of_areas(logs, settings)
     if ranges.falls and "rises_when_pressed" in (laid_out or {}):
         return ranges._replace(problems=[p for p in ranges.problems if "rises_when_pressed" not in p], falls=False)
@@ -654,7 +638,7 @@ def still(experiment: str, read: list[Checked]) -> list[str]:
     """
     lowest, highest, steps, constant = {}, {}, {}, []
     for recording in read:
-        log = recording.logs.get(LOGS[experiment])
+        log = recording.logs.get(log_name(experiment))
         elements = [c for c in log.rows.column_names if re.fullmatch(r"[a-z]\d+", c)] if log else []
         if elements and not any(np.ptp(log.rows[column].to_numpy()) > 0 for column in elements):
             constant.append(recording.name)
@@ -733,7 +717,7 @@ def rates(experiment: str, read: list[Checked]) -> list[str]:
 
     Series are resampled to one rate, and an image has no time in it, so that windows alone depend on it.
     """
-    logs = {one.name: one.logs[LOGS[experiment]] for one in read if LOGS[experiment] in one.logs}
+    logs = {one.name: one.logs[log_name(experiment)] for one in read if log_name(experiment) in one.logs}
     known = {name: log.report["rate_hz"] for name, log in logs.items() if log.report["rate_hz"]}
     if experiments.module(experiment).KIND != "windows" or not known:
         return []
@@ -768,13 +752,14 @@ def changed_rate(rows: pa.Table) -> str | None:
 def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) -> str | None:
     """Print all that was understood, draw it, and return the first thing to fix, or None if ingest can read it all."""
     settings = values[experiment]
-    recordings = experiments.module(experiment).recordings(folder)
+    module = experiments.module(experiment)
+    recordings = module.recordings(folder)
     read, lines = [], Shown()
     for path in recordings:
         one = checked(experiment, path, settings)
         read.append(one)
         print("\n".join(understood(one)))
-        for name, fmt in formats(experiment, path, settings).items():
+        for name, fmt in module.formats(settings, path).items():
             log, proposal = one.logs.get(name), one.proposals.get(name)
             laid_out = own_logs.trial(proposal) if proposal else layout.of(settings["ingest"], name)
             if (path / name).is_file():
@@ -787,17 +772,17 @@ def check(workspace: Workspace, experiment: str, folder: Path, values: Mapping) 
             found.setdefault(name, []).append(proposal)
     ranges = areas_of(read, settings) if experiment == "glove" else own_logs.Ranges([], [], [], False)
     if ranges.falls:
-        laid_out = layout.of(settings["ingest"], LOGS["glove"]) or own_logs.PLAIN
-        found.setdefault(LOGS["glove"], [Proposal({**laid_out, "rises_when_pressed": False}, [])])
+        laid_out = layout.of(settings["ingest"], log_name("glove")) or own_logs.PLAIN
+        found.setdefault(log_name("glove"), [Proposal({**laid_out, "rises_when_pressed": False}, [])])
     problems = [f"{folder}: {problem}" for problem in ranges.problems] + problems
-    if copies := own_data.copied(recordings, LOGS[experiment]):
+    if copies := own_data.copied(recordings, log_name(experiment)):
         problems.append(f"{folder}: {copies}")
     unlike = own_logs.unlike_gains(recordings)
-    if experiment != "strain" and LOGS[experiment] in unlike:  # counts have no unit that could differ
-        problems.append(unlike.pop(LOGS[experiment]))
+    if experiment != "strain" and log_name(experiment) in unlike:  # counts have no unit that could differ
+        problems.append(unlike.pop(log_name(experiment)))
     print(f"\n{folder}: {len(usable)} of {len(read)} recordings can be used")
     said = still(experiment, read) + rates(experiment, read) + ranges.findings + list(unlike.values())
-    said += unmeasured(LOGS[experiment], {one.name: one.logs for one in read})
+    said += unmeasured(log_name(experiment), {one.name: one.logs for one in read})
     if usable:
         said += clipped(experiment, folder, usable, settings)
         rows, findings, wrong = whole(experiment, usable, settings)
@@ -823,9 +808,9 @@ def check_target(
     found: dict[str, list[Proposal]] = {}
     try:
         for path in target_logs.recordings(folder, experiment):
-            fmt, laid_out = target_logs.FORMATS[experiment](settings), layout.of(settings["ingest"], LOGS[experiment])
-            one = read_one(experiment, path / LOGS[experiment], fmt, settings)
-            logs = {LOGS[experiment]: (one, fmt, own_logs.trial(one.proposal) if one.proposal else laid_out)}
+            fmt, laid_out = sensor_format(experiment, settings), layout.of(settings["ingest"], log_name(experiment))
+            one = read_one(experiment, path / log_name(experiment), fmt, settings)
+            logs = {log_name(experiment): (one, fmt, own_logs.trial(one.proposal) if one.proposal else laid_out)}
             if asked.target.file is not None and (path / asked.target.file).is_file():
                 file = path / asked.target.file
                 logs[file.name] = read_truth(experiment, file, settings, asked.target)
@@ -836,7 +821,7 @@ def check_target(
                 if lines is not None:
                     lines.show(path / name, fmt, one, laid_out)
             read["/".join(path.parts[-2:])] = {name: one.log for name, (one, *_) in logs.items() if one.log}
-        for finding in unmeasured(LOGS[experiment], read) if lines is not None else ():
+        for finding in unmeasured(log_name(experiment), read) if lines is not None else ():
             print(f"  {finding}")
         if problems:
             return to_fix(experiment, folder, settings, found, problems)
@@ -930,13 +915,14 @@ def experiment_of(folder: Path, named: str | None = None) -> str:
     """
     check_folder(folder)
     if named is not None and kinds_of(folder) not in ([named], []):
-        raise InputError(f"{folder}: holds no {LOGS[named]}, but {LOGS[kinds_of(folder)[0]]}; leave '{named}' out")
+        held = log_name(kinds_of(folder)[0])
+        raise InputError(f"{folder}: holds no {log_name(named)}, but {held}; leave '{named}' out")
     present = kinds_of(folder)
     if len(present) != 1:
         keys = {str(key).partition(".")[0] for key in own_settings.read(folder)}
-        present = [experiment for experiment in LOGS if experiment in keys] or present
+        present = [experiment for experiment in experiments.having("log") if experiment in keys] or present
     if len(present) != 1:
-        wanted = ", ".join(f"{log} ({experiment})" for experiment, log in LOGS.items())
+        wanted = ", ".join(f"{log} ({experiment})" for experiment, log in experiments.having("log").items())
         held = "logs of several kinds" if present else "no log of a sensor"
         raise InputError(f"{folder}: {held} in <folder>/<recording>/; expected one of {wanted}")
     return present[0]
@@ -954,13 +940,14 @@ def check_folder(folder: Path) -> None:
 
 def kinds_of(folder: Path) -> list[str]:
     """Return the experiments of which a folder holds logs, each in <folder>/<recording>/."""
-    return [experiment for experiment, log in LOGS.items() if next(files.finished(folder.glob(f"*/*/{log}")), None)]
+    logs = experiments.having("log").items()
+    return [experiment for experiment, log in logs if next(files.finished(folder.glob(f"*/*/{log}")), None)]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the experiment and the folder of logs to the parser of this command."""
     kinds = "what the logs are of, where their names or settings.yaml do not tell it"
-    parser.add_argument("experiment", nargs="?", choices=tuple(LOGS), help=kinds)
+    parser.add_argument("experiment", nargs="?", choices=tuple(experiments.having("log")), help=kinds)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
     arguments.add_output(parser)
 

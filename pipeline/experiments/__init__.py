@@ -8,6 +8,8 @@ Every module provides
 * `read_recording(path, settings)` -> (frames, rejected lines, report) of one recording; a module whose recordings may
   be long also has `read_in_parts`, which returns the frames part by part;
 * `frames_schema(settings)` -> the schema of its frames table;
+* where its logs are lines of text, `formats(settings, folder=None)` -> log -> format of its lines, the sensor's log
+  first; folder: of a recording, whose logs these are;
 * `split(rows, settings, protocol, seed)` -> (n,) name of the part that each row belongs to;
 
 and, by kind:
@@ -19,11 +21,13 @@ and, by kind:
 """
 
 import importlib
+from collections.abc import Mapping
 from functools import cache
 from types import ModuleType
 from typing import get_args
 
 from pipeline.base.facts import Facts
+from pipeline.logs.formats import Format
 from pipeline.settings import Experiment
 
 NAMES: tuple[str, ...] = get_args(Experiment)
@@ -39,6 +43,17 @@ def module(experiment: str) -> ModuleType:
 def facts(experiment: str) -> Facts:
     """Return the facts of an experiment."""
     return module(experiment).FACTS
+
+
+def log_name(experiment: str) -> str | None:
+    """Return what the sensor's log of a recording is called; None of public recordings."""
+    return facts(experiment).log
+
+
+def sensor_format(experiment: str, settings: Mapping) -> Format | None:
+    """Return the format of the sensor's log; None where no line of text is read."""
+    formats = getattr(module(experiment), "formats", None)
+    return next(iter(formats(settings).values())) if formats else None
 
 
 @cache

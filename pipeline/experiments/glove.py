@@ -76,6 +76,11 @@ def scanner_format(settings: Mapping) -> Format:
     return Format((CLOCK, *cells), time="t_us")
 
 
+def formats(settings: Mapping, folder: Path | None = None) -> dict[str, Format]:
+    """Return log -> format of its lines, of any folder."""
+    return {LOG: scanner_format(settings)}
+
+
 def any_readings(settings: Mapping) -> Format:
     """Return `scanner_format` for readings of any size, to find out what they are."""
     cells = [

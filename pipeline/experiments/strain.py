@@ -66,8 +66,8 @@ STEPS, LEAST_OF_STEP = 40, 5  # into which that way is divided, and the readings
 STILL = 0.1  # x and y move by less than this share of z where the arm only presses
 
 
-def formats(settings: Mapping) -> dict[str, Format]:
-    """Return file -> format of its lines; settings: the block `strain` of params.yaml."""
+def formats(settings: Mapping, folder: Path | None = None) -> dict[str, Format]:
+    """Return file -> format of its lines, of any folder; settings: the block `strain` of params.yaml."""
     unit = settings["sensor"].get("unit", "V")
     readings = (Column(f"u{k}", unit, *UNITS[unit]) for k in range(settings["sensor"]["channels"]))
     asked = sorted({column for columns in tasks(settings).values() for column in columns})

@@ -95,6 +95,17 @@ def array_format(settings: Mapping) -> Format:
     return Format((CLOCK, *counts), time="t_us")
 
 
+def formats(settings: Mapping, folder: Path | None = None) -> dict[str, Format]:
+    """Return log -> format of its lines; folder: of a recording, whose further load cells and CNCs have logs, too."""
+    found = {"array.log": array_format(settings)}
+    for device, fmt in (("load_cell", LOAD_CELL), ("cnc", CNC)):
+        further = sorted(path.name for path in folder.glob(f"{device}_*.log")) if folder else []
+        found |= dict.fromkeys([f"{device}.log", *further], fmt)
+    if settings["sensor"]["rows"] * settings["sensor"]["cols"] == 1 and not (folder and (folder / "cnc.log").is_file()):
+        del found["cnc.log"]  # one element cannot tell a place
+    return found
+
+
 def in_order(counts: np.ndarray, settings: Mapping) -> np.ndarray:
     """Return counts (..., elements) as printed in the order of the elements, row by row from the bottom.
 

@@ -44,6 +44,11 @@ NO_GROUND_TRUTH = "no ground truth at this time"
 SCHEMA = schemas.frames(1, 1, pa.float32())
 
 
+def formats(settings: Mapping, folder: Path | None = None) -> dict[str, Format]:
+    """Return device -> format of its lines: the sensors are given, whatever `settings` say."""
+    return {"velostat_data": VELOSTAT, "futek_data": LOAD_CELL}
+
+
 def frames_schema(settings: Mapping) -> pa.Schema:
     """Return the schema of the frames table: the sensors are given, whatever `settings` say."""
     return SCHEMA
@@ -73,7 +78,7 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     """
     pair = {
         f"{device}/{path.name}": (path.parents[2] / device / path.parent.name / path.name, fmt)
-        for device, fmt in (("velostat_data", VELOSTAT), ("futek_data", LOAD_CELL))
+        for device, fmt in formats(settings).items()
     }
     limit, key = settings["ingest"]["max_reject_fraction"], "velostat_recorded.ingest.max_reject_fraction"
     rows, rejects = {}, {}

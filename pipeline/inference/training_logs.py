@@ -9,9 +9,9 @@ from pipeline.base import files, foreign, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import MODEL_ZERO, Workspace
 from pipeline.datasets import schemas
+from pipeline.experiments import log_name
 from pipeline.inference.card import Card, Log
 from pipeline.logs import sources
-from pipeline.logs.formats import LOGS
 
 
 def digests(workspace: Workspace, settings: Mapping, experiment: str) -> dict[str, str] | None:
@@ -30,7 +30,7 @@ def digests(workspace: Workspace, settings: Mapping, experiment: str) -> dict[st
         recordings = experiments.module(experiment).recordings(_raw(workspace, settings, experiment))
     except InputError:  # no recording is there
         return None
-    logs = [path / LOGS[experiment] if experiment in LOGS else path for path in recordings]
+    logs = [path / log_name(experiment) if log_name(experiment) else path for path in recordings]
     if len(names) != len(logs):
         return None
     return {name: files.content_sha256(path) for name, path in zip(names, logs, strict=True)}
