@@ -45,7 +45,7 @@ ARROWS = {
     "reporting/verdicts": {"reporting/words"},
     "claims": {"scoring"},  # the only place that judges the papers' claims
     "reporting/words": {"scoring"},  # the names of models, Markdown
-    "scoring": {"datasets"},
+    "scoring": {"experiments"},
     "scenes": {"datasets"},
     "experiments": {"logs"},
     "logs": {"datasets"},

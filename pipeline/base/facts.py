@@ -62,6 +62,7 @@ class Facts:
     # Of simulated sensors.
     paper: Paper | None = None
     twin: Twin | None = None
+    first: str = ""  # name of its recordings of the first specimen, where names do not number specimens
     studies: tuple[str, ...] = ()  # that numbers of claims are derived from
     # Of public recordings.
     source: Source | None = None

@@ -14,6 +14,7 @@ from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import check
+from pipeline.experiments import facts
 from pipeline.logs import sources as public
 from pipeline.own import settings as own_settings
 from pipeline.sheet import quantities, sources
@@ -63,7 +64,7 @@ def sensors(workspace: Workspace, values: Mapping, source: str) -> Iterator[Sens
         settings = own_settings.of_logs(workspace, experiment, folder)[experiment]
         yield from sources.sensors(experiment, folder.name or str(folder.resolve().name), folder, settings)
         return
-    if source in public.SOURCES:
+    if facts(source).source:
         yield from sources.sensors(source, source, *recorded(workspace, values, source))
         return
     folder = paths.require(workspace.logs(source), f"python -m pipeline.stages.simulate {source}")

@@ -29,6 +29,7 @@ FACTS = Facts(
     panels=(Panel("Voltage (V)", r"daq", r"u\d+"), Panel("Place (mm)", r"robot", r"[xyz]_mm")),
     quick=("constant", "ridge", "window_ridge", "window_trees", "press_difference", "lstm_direct"),
     paper=Paper("latent", "error", "test error", 1),
+    first="run000",
     twin=Twin("strain_recorded", "Strain: the recorded strands and the finger's"),
 )
 
@@ -79,6 +80,11 @@ def tasks(settings: Mapping) -> dict[str, tuple[int, ...]]:
     """Return task -> columns of x, y, z that are asked for: the paper's, or those of `strain.sensor.tasks`."""
     given = settings["sensor"].get("tasks", {})
     return {name: tuple(sorted(map(AXES.index, axes))) for name, axes in given.items()} or TASKS
+
+
+def shows_loading(path: Path, settings: Mapping) -> bool:
+    """Tell whether the task of a recording asks for one axis, so that the data sheet can be made of it."""
+    return len(tasks(settings).get(path.parent.name, ())) == 1
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:

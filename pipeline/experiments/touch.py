@@ -88,6 +88,11 @@ class Falls(InputError):
     """The array's counts fall when it is pressed."""
 
 
+def shows_loading(path: Path, settings: Mapping) -> bool:
+    """Tell whether a recording has one load cell, so that the data sheet can be made of it."""
+    return not (path / "load_cell_2.log").exists()
+
+
 def array_format(settings: Mapping) -> Format:
     """Return the format of the array's lines: time, then counts row by row from the bottom; settings: block `touch`."""
     sensor, highest = settings["sensor"], settings["ingest"]["highest_count"]

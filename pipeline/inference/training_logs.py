@@ -9,7 +9,7 @@ from pipeline.base import files, foreign, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import MODEL_ZERO, Workspace
 from pipeline.datasets import schemas
-from pipeline.experiments import log_name
+from pipeline.experiments import facts, log_name
 from pipeline.inference.card import Card, Log
 from pipeline.logs import sources
 
@@ -38,7 +38,7 @@ def digests(workspace: Workspace, settings: Mapping, experiment: str) -> dict[st
 
 def _raw(workspace: Workspace, settings: Mapping, experiment: str) -> Path:
     """Return the folder of the raw logs that an experiment reads."""
-    if experiment in sources.SOURCES:
+    if facts(experiment).source:
         return sources.folder(workspace, experiment)
     source = settings["source"]
     return workspace.logs(experiment) if source == "simulated" else workspace.root / source

@@ -13,7 +13,7 @@ import pyarrow as pa
 from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas, specimens
-from pipeline.experiments import glove, strain, strain_recorded
+from pipeline.experiments import glove, strain_recorded
 from pipeline.scenes import material
 from pipeline.sheet import cycles
 from pipeline.sheet.cycles import Log, Sensor
@@ -30,7 +30,7 @@ def sensors(experiment: str, name: str, folder: Path, settings: Mapping, simulat
     """
     module = experiments.module(experiment)
     paths = [path for path in module.recordings(folder) if not simulated or of_first_specimen(experiment, path.name)]
-    chosen = [path for path in paths if CHOSEN.get(experiment, all_alike)(path, settings)] or paths
+    chosen = [path for path in paths if getattr(module, "shows_loading", all_alike)(path, settings)] or paths
     read = [module.read_recording(path, settings)[0] for path in chosen]
     made = MAKERS[experiment](name, [frames for frames in read if frames.num_rows], settings, simulated)
     if not any(sensor.logs for sensor in made):
@@ -43,7 +43,8 @@ def of_first_specimen(experiment: str, name: str) -> bool:
 
     Fingers have a recording each; of arrays and gloves the name says the number.
     """
-    return name == "run000" if experiment == "strain" else specimens.number(name) == 0
+    first = experiments.facts(experiment).first
+    return name == first if first else specimens.number(name) == 0
 
 
 def all_alike(path: Path, settings: Mapping) -> bool:
@@ -51,20 +52,7 @@ def all_alike(path: Path, settings: Mapping) -> bool:
     return True
 
 
-def of_one_tip(path: Path, settings: Mapping) -> bool:
-    """Tell whether a recording of touch has one load cell."""
-    return not (path / "load_cell_2.log").exists()
-
-
-def along_one_axis(path: Path, settings: Mapping) -> bool:
-    """Tell whether the task of a recording of strain asks for one axis."""
-    return len(strain.tasks(settings).get(path.parent.name, ())) == 1
-
-
-CHOSEN = {"touch": of_one_tip, "strain": along_one_axis}
-
-
-def touch(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+def of_touch(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return an array, or a single element, under a load cell; several touches at a time are no loading cycle."""
     sensor, logs = settings["sensor"], []
     for frames in read:
@@ -177,11 +165,7 @@ def bare(frames: pa.Table, reading: np.ndarray) -> Log:
     return log_of(frames, reading, np.empty(0), np.empty((0, 2)))
 
 
-MAKERS = {
-    "touch": touch,
-    "strain": of_strain,
-    "glove": of_glove,
-    "velostat_recorded": of_velostat_recorded,
-    "strain_recorded": of_strain_recorded,
-    "glove_recorded": of_glove_recorded,
+MAKERS = {  # by experiment, as whose each is named
+    maker.__name__.removeprefix("of_"): maker
+    for maker in (of_touch, of_strain, of_glove, of_velostat_recorded, of_strain_recorded, of_glove_recorded)
 }

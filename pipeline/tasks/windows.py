@@ -84,7 +84,7 @@ def tested(
 ) -> Iterator[Tested]:
     """Yield the tests of all runs of one model; `load(protocol, seed, spec)` gives its Trained."""
     module = experiments.module(experiment)
-    pooled = metrics.POOLED.get(module.SCORES, ())
+    pooled = module.FACTS.pooled
     data = read_dataset(path, settings["window"]["frames"])
     condition = schemas.names(data.rows["condition"])
     for protocol, seed in runs:
