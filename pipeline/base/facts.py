@@ -31,6 +31,13 @@ class Twin(NamedTuple):
     title: str  # of the comparison
 
 
+class Finding(NamedTuple):
+    """What logs of people's own sensors show."""
+
+    text: str
+    wrong: bool = False  # to be mended before models are trained
+
+
 class Panel(NamedTuple):
     """What one panel of the picture of a recording shows."""
 

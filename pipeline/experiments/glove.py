@@ -4,14 +4,14 @@ Any sensor that scans areas is read alike, a mat or a glove of a few sensors: `g
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
 from pipeline.base.errors import InputError
-from pipeline.base.facts import Facts, Paper, Twin
+from pipeline.base.facts import Facts, Finding, Paper, Twin
 from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas, specimens
 from pipeline.datasets.seeding import generator
@@ -195,6 +195,16 @@ def images(frames: pa.Table, settings: Mapping) -> dict[str, np.ndarray]:
         per_frame = scale(settings) == PER_FRAME
         pictures[modality] = tactile.normalised(matrix) if per_frame else np.round(matrix).astype(np.uint8)
     return pictures
+
+
+def log_problems(path: Path, rows: pa.Table, settings: Mapping) -> Iterator[str]:
+    """Yield problems of a log that can be read: what counts mean no log can say."""
+    yield from ()
+
+
+def findings(frames: pa.Table, pictures: pa.Table, settings: Mapping) -> Iterator[Finding]:
+    """Yield what all recordings show: how many images of how many objects."""
+    yield Finding(f"{pictures.num_rows} images of {len(set(schemas.names(pictures['condition'])))} objects")
 
 
 def conductance(counts: np.ndarray, reference_ohm: float, levels: float = LEVELS) -> np.ndarray:

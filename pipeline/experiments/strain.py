@@ -1,6 +1,6 @@
 """Read strain recordings (latent-space paper): the logs of DAQ and robot, as samples at a uniform rate."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,7 @@ import pyarrow as pa
 from scipy.stats import theilslopes
 
 from pipeline.base.errors import InputError
-from pipeline.base.facts import Facts, Panel, Paper, Twin
+from pipeline.base.facts import Facts, Finding, Panel, Paper, Twin
 from pipeline.datasets import schemas, series
 from pipeline.logs import alignment, layout, parse
 from pipeline.logs.formats import Column, Format
@@ -63,6 +63,7 @@ LEAST_TRUTH = 0.5  # share of the DAQ's samples that must have ground truth
 # Of the way of z, the share at its top in which no reading changes by more than ANSWER of its range: 0.03 to 0.10 in 24
 # simulated recordings, whose arm stays on the finger, 0.4 to 0.95 where it lifts off by 3 to 40 mm after presses of 5.
 IN_AIR, ANSWER = 0.25, 0.03
+LEAST_MM = 0.2  # an arm that moves less is given in metres
 STEPS, LEAST_OF_STEP = 40, 5  # into which that way is divided, and the readings that a step needs
 STILL = 0.1  # x and y move by less than this share of z where the arm only presses
 
@@ -215,6 +216,21 @@ def check_clock(path: Path, rows: pa.Table) -> None:
             f"{path}: the time steps back for good in line {line}; the clock was set, or the device restarted: divide "
             "the recording there, or record again"
         )
+
+
+def log_problems(path: Path, rows: pa.Table, settings: Mapping) -> Iterator[str]:
+    """Yield problems of a log that can be read: places in metres."""
+    if path.name == "robot.log":
+        axes = [name for name in rows.column_names if name.endswith("_mm")]
+        moves = max(np.ptp(rows[axis].to_numpy()) for axis in axes)
+        if moves < LEAST_MM:
+            yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
+
+
+def findings(frames: pa.Table, series: pa.Table, settings: Mapping) -> Iterator[Finding]:
+    """Yield what all recordings show: whether they are too short."""
+    if frames.num_rows < 10 * settings["window"]["frames"]:
+        yield Finding("the recordings are too short to learn from", wrong=True)
 
 
 def resampled(

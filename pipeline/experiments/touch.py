@@ -11,11 +11,11 @@ import pyarrow as pa
 from scipy.ndimage import median_filter
 
 from pipeline.base.errors import InputError
-from pipeline.base.facts import Facts, Panel, Paper, Twin
+from pipeline.base.facts import Facts, Finding, Panel, Paper, Twin
 from pipeline.datasets import labels as labels_kpa
 from pipeline.datasets import schemas, specimens, windowing
 from pipeline.datasets.seeding import generator
-from pipeline.logs import alignment, layout, parse
+from pipeline.logs import alignment, elements, layout, parse
 from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
@@ -81,6 +81,10 @@ SLOWEST_PRESS_HZ, LEAST_PRESS_N = 40.0, 1.0
 PRESSED = 0.1  # of a strong press: force above it is a press, to measure clocks by
 FEWEST_PRESSES = 5  # to measure clocks by: fewer agree by chance
 SHIFTED = 0.1  # of a press; a larger offset of logs said to be of one clock is named
+OUTSIDE = 0.02  # share of contacts that may lie beside the array
+MOST_KPA = 5000  # ten times the pressure on soft sensors
+SMALL = 0.12  # share of the array's sides; contacts that stay within are given in centimetres, or in one place
+TARED = 0.03  # of the highest force, the most that a load cell shows at rest; recorded ones have 0.017, simulated 0.009
 SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance about one in 10,000 does
 
 
@@ -536,6 +540,112 @@ def _reference_time(rows: pa.Table, clocks: list[alignment.Clock | None]) -> np.
 def _matrix(rows: pa.Table, columns: list[str]) -> np.ndarray:
     """Return columns of one type as (n, columns)."""
     return np.column_stack([rows[name].to_numpy() for name in columns])
+
+
+def log_problems(path: Path, rows: pa.Table, settings: Mapping) -> Iterator[str]:
+    """Yield problems of a log that can be read: wrong units and signs of force and depth."""
+    if "fz_n" in rows.column_names:
+        force = rows["fz_n"].to_numpy()
+        low, at_rest, high = np.percentile(force, [0.5, 10, 99.5])
+        threshold = settings["window"]["contact_threshold_n"]
+        tared = max(TARED * max(high - at_rest, threshold), 2 * (at_rest - low))  # beyond the noise, too
+        if -low > high:
+            yield f"{path}: {PULLED}"
+        elif at_rest <= threshold and abs(at_rest) > min(threshold, tared):
+            yield (
+                f"{path}: fz_n rests at {at_rest:.2g} N, not at 0, so that every force is {abs(at_rest):.2g} N too "
+                f"{'high' if at_rest > 0 else 'low'}; subtract what the load cell shows at rest"
+            )
+        elif at_rest > threshold:
+            yield (
+                f"{path}: fz_n rests at {at_rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "
+                "that presses never end; subtract what the load cell shows at rest"
+            )
+    if path.name == "cnc.log" and not (rows["z_mm"].to_numpy() < 0).any():
+        yield f"{path}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"
+
+
+def findings(frames: pa.Table, windows: pa.Table, settings: Mapping) -> Iterator[Finding]:
+    """Yield what all recordings show: presses, forces and places, and whether elements answer where pressed."""
+    names = schemas.names(windows["condition"])
+    for condition in np.unique(names):
+        inside = names == condition
+        presses = len(np.unique(windows["press"].to_numpy()[inside]))
+        yield Finding(f"{condition}: {presses} presses, {inside.sum()} windows")
+    if absent := [name for name in settings["split"].get("train_on", ["single"]) if name not in names]:
+        yield Finding(
+            f"no folder '{absent[0]}': models learn from the conditions of touch.split.train_on; all others are "
+            "test data",
+            wrong=True,
+        )
+    force, x, y = (schemas.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
+    contact = np.nansum(force, axis=1) > settings["window"]["contact_threshold_n"]
+    if not contact.any():
+        threshold = settings["window"]["contact_threshold_n"]
+        yield Finding(
+            f"no force above {threshold:g} N (the highest is {np.nanmax(force):.2g} N): write fz_n in newtons, "
+            "or lower touch.window.contact_threshold_n",
+            wrong=True,
+        )
+        return
+    sensor = settings["sensor"]
+    size = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
+    highest = float(np.nanmax(force))
+    kpa = float(np.nanmax(labels_kpa.pressure_kpa(force, labels_kpa.tip_radius_mm(frames, settings["label"]))))
+    if kpa > MOST_KPA:
+        yield Finding(
+            f"force up to {highest:.0f} N, {kpa:.0f} kPa under the tip (touch.label.tip_radius_mm "
+            f"{settings['label']['tip_radius_mm']:g}): write fz_n in newtons (grams times 0.00981), or fix the radius",
+            wrong=True,
+        )
+    yield Finding(
+        f"force up to {highest:.1f} N ({kpa:.0f} kPa), "
+        f"x {np.nanmin(x[contact]):.1f} to {np.nanmax(x[contact]):.1f} mm, "
+        f"y {np.nanmin(y[contact]):.1f} to {np.nanmax(y[contact]):.1f} mm; the array is {size[0]:g} x {size[1]:g} mm"
+    )
+    touching = force > settings["window"]["contact_threshold_n"]
+    within = np.ptp(x[touching]), np.ptp(y[touching])
+    if sensor["rows"] * sensor["cols"] > 1 and within[0] < SMALL * size[0] and within[1] < SMALL * size[1]:
+        yield Finding(
+            f"all contacts are within {within[0]:.2g} x {within[1]:.2g} mm of an array of {size[0]:g} x {size[1]:g}: "
+            "write x_mm and y_mm in millimetres, or press in other places too",
+            wrong=True,
+        )
+        return
+    outside = touching & ((x < 0) | (x > size[0]) | (y < 0) | (y > size[1]))
+    exchanged = touching & ((y < 0) | (y > size[0]) | (x < 0) | (x > size[1]))
+    if outside.sum() > OUTSIDE * touching.sum() and exchanged.sum() <= OUTSIDE * touching.sum():
+        yield Finding(
+            f"{100 * outside.sum() / touching.sum():.0f} % of the contacts are beside the array, and none would be if "
+            "x_mm and y_mm changed places: write x, to the right, before y, to the top",
+            wrong=True,
+        )
+    elif outside.sum() > OUTSIDE * touching.sum():
+        yield Finding(
+            f"{100 * outside.sum() / touching.sum():.0f} % of the contacts are beside the array; x_mm and y_mm are 0 "
+            "at its bottom left corner and rise to the right and to the top: shift them, or fix touch.sensor.pitch_mm",
+            wrong=True,
+        )
+    else:
+        said, wrong = elements.order_of_elements(frames, force, x, y, settings)
+        yield from (Finding(text) for text in said)
+        yield from (Finding(text, wrong=True) for text in wrong)
+    yield from (Finding(text) for text in elements.moved_rest(frames, contact))
+
+
+def map_size_problems(settings: Mapping) -> Iterator[str]:
+    """Yield problems: sizes of maps that do not fit this array, each with the key to change."""
+    try:
+        labels_kpa.check_cells(settings["sensor"], settings["label"])
+    except InputError as error:
+        yield str(error)
+    for side in ("rows", "cols") if "lomp" in settings["models"] else ():
+        cells, count = settings["label"][f"map_{side}"], settings["sensor"][side]
+        if cells % count:
+            yield (
+                f"params/touch.yaml, touch.label.map_{side}: {cells} is no multiple of touch.sensor.{side} ("
+                f"{count}), which lomp needs; set {max(1, round(cells / count)) * count}"
+            )
 
 
 def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:
