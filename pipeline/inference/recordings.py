@@ -63,7 +63,7 @@ def logs(place: Path, experiment: str) -> list[Path]:
         return [place] if place.is_file() else _recorded(place, experiment)
     pattern = log_name(experiment)
     if place.is_file():
-        if experiment == "glove" and place.name != pattern:
+        if tasks.kind(experiment) == "images" and place.name != pattern:
             raise InputError(f"{place}: a log of {experiment} is called {pattern}; name such a log, or its folder")
         return [place]
     logs_ = sorted(files.finished(place.rglob(pattern)))
@@ -125,7 +125,7 @@ def read(path: Path, name: str, card: Card) -> Recording:
     experiment, settings = card.experiment, card.reading
     module = experiments.module(experiment)
     limit = f"{experiment}.ingest.max_reject_fraction"
-    if not log_name(experiment) or experiment == "glove":
+    if not log_name(experiment) or module.KIND == "images":
         frames, rejects, _ = module.read_recording(path.parent if log_name(experiment) else path, settings)
         recording = _of_frames(path, name, frames, rejects, card)
         known = sensor_format(experiment, settings).names[1:] if log_name(experiment) else ()
@@ -137,7 +137,7 @@ def read(path: Path, name: str, card: Card) -> Recording:
     time = rows[fmt.time].to_numpy() / second(fmt)
     values = np.column_stack([rows[column].to_numpy() for column in fmt.names[1:]])
     condition = path.parent.parent.name
-    if experiment == "strain":
+    if module.KIND == "series":
         module.check_clock(path, rows)
         nowhere = np.full((len(time), 3), np.nan)
         frames = module.resampled(condition, path.parent.name, time, values, nowhere, settings["ingest"])
@@ -181,9 +181,10 @@ def _readings(frames: pa.Table, card: Card) -> np.ndarray:
     """
     names = ["v"] if "v" in frames.column_names else images.reading_columns(frames.schema)
     readings = np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1)
-    if card.experiment != "strain_recorded":
+    module = experiments.module(card.experiment)
+    if not hasattr(module, "channels"):
         return readings
-    of_day = experiments.module(card.experiment).channels(card.protocol, schemas.names(frames["condition"])[0])
+    of_day = module.channels(card.protocol, schemas.names(frames["condition"])[0])
     placed = np.full_like(readings, np.nan)
     placed[:, card.inputs.chosen] = readings[:, of_day]
     return placed

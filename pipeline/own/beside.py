@@ -105,7 +105,7 @@ class Beside:
 
     def _check_order(self, where: str, reading: Mapping) -> None:
         """Raise InputError where an order does not name each printed column once."""
-        order = _value(reading, ORDER) if self.experiment == "touch" else []
+        order = _value(reading, ORDER) if ORDER in facts(self.experiment).layout else []
         elements = reading["sensor"]["rows"] * reading["sensor"]["cols"] if order else 0
         if sorted(order) != list(range(elements)):
             raise InputError(

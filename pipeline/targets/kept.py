@@ -17,7 +17,7 @@ from pipeline.base.cards import Words
 from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
-from pipeline.experiments import facts, log_name, sensor_format
+from pipeline.experiments import facts, log_name, module, sensor_format
 from pipeline.learning.window_statistics import KINDS
 from pipeline.logs import unmeasured
 from pipeline.scoring import conformal, metrics
@@ -128,10 +128,11 @@ def write(folder: Path, final: Final, windows: Windows, scores: Mapping[str, flo
 def trained_on(data: Data, experiment: str, settings: Mapping) -> list[ranges.Columns]:
     """Return the ranges of the readings that count; settings: the block of the experiment."""
     x = np.concatenate([each.reading[each.press >= 0] for each in data.series])
-    if experiment == "glove":
+    kind = module(experiment).KIND
+    if kind == "images":
         areas = {name: area.cells for name, area in images.areas(settings).items()}
         return ranges.of_areas(x, areas, list(areas))
-    mean_margin = ranges.MEAN_MARGIN_OF_TOUCHES if experiment == "touch" else ranges.MEAN_MARGIN
+    mean_margin = ranges.MEAN_MARGIN_OF_TOUCHES if kind == "windows" else ranges.MEAN_MARGIN
     return [ranges.of(x, "v", 0, range(x.shape[1]), mean_margin)]
 
 
@@ -237,7 +238,7 @@ def interval_s(data: Data) -> float:
 
 def correlated(data: Data, experiment: str) -> Correlation | None:
     """Return how the channels go together, of strands; elements and cells go together as they are touched."""
-    if experiment != "strain":
+    if module(experiment).KIND != "series":
         return None
     nowhere = [np.zeros(len(each.time_s), bool) for each in data.series]
     parts = [

@@ -213,7 +213,8 @@ def votes(
     load_cell = path / "load_cell.log"
     if target.kind != "class":
         return np.zeros(len(time_s), int)
-    if experiment == "touch" and load_cell.exists() and settings["ingest"].get("clock") == "shared" and not segment[-1]:
+    pressed = load_cell.name in experiments.facts(experiment).truth and load_cell.exists()
+    if pressed and settings["ingest"].get("clock") == "shared" and not segment[-1]:
         given = layout.of(settings["ingest"], load_cell.name)
         rows, rejects = log(load_cell, touch.LOAD_CELL, experiment, settings, given)
         strain.check_clock(load_cell, rows)
