@@ -22,8 +22,6 @@ from pipeline.sheet.cycles import Sensor
 from pipeline.sheet.page import figure, text
 from pipeline.sheet.quantities import Sheet
 
-EVERY = {"strain_recorded": {"every": 1}}  # all samples: of every third, presses have seven readings
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add sources and what is written to the parser of this command."""
@@ -75,5 +73,6 @@ def recorded(workspace: Workspace, values: Mapping, source: str) -> tuple[Path, 
     """Return the folder of a public recording, and its settings with every sample; InputError where it is not here."""
     if not public.is_complete(workspace, source):
         raise InputError(f"{public.folder(workspace, source)}: no recordings; run `tactile fetch {source}`")
-    settings = values[source]
-    return public.folder(workspace, source), settings | {"ingest": settings["ingest"] | EVERY.get(source, {})}
+    ingest = values[source]["ingest"]
+    whole = ingest | {"every": 1} if "every" in ingest else ingest  # of every third sample, presses have seven readings
+    return public.folder(workspace, source), values[source] | {"ingest": whole}

@@ -38,6 +38,7 @@ FACTS = Facts(
     metric="accuracy",
     compared=("grasp_combined",),
     score="main/combined.macro_precision",
+    sheet="hand",
     tested={
         ("grasp_pressure", "pressure"): "pressure",
         ("grasp_strain", "strain"): "joint angles",

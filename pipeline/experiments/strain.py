@@ -22,6 +22,7 @@ FACTS = Facts(
     metric="error",
     compared=("task_2",),
     score="main/task_2.error",
+    sheet="strands",
     log="daq.log",
     truth=("robot.log",),
     layout=("ingest.max_reject_fraction", "ingest.clock", "ingest.max_clock_offset_s", "ingest.min_correlation"),

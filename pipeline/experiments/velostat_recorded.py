@@ -24,6 +24,7 @@ FACTS = Facts(
     metric="rmse",
     compared=("repetition",),
     score="main/all.rmse",
+    sheet="taxel",
     tested={("repetition", "all"): "all recordings"},
     pooled=("all",),
     source=Source(

@@ -102,7 +102,7 @@ def clipped(experiment: str, folder: Path, usable: Sequence[Checked], settings: 
     frames, said = [recording.frames for recording in usable if recording.frames.num_rows], []
     columns = sensor_format(experiment, settings).names[1:]
     printed = settings["sensor"].get("order") or range(len(columns))  # number of the printed column of each element
-    for sensor in sheet_sources.MAKERS[experiment](folder.name, frames, settings, False) if frames else ():
+    for sensor in sheet_sources.of_frames(experiment, folder.name, frames, settings) if frames else ():
         known = quantities.known(sensor)
         if known.limit:
             names = [columns[printed[k]] for k in known.clipped[:SHAPES]]

@@ -296,7 +296,7 @@ def recorded(name: str, folder: Path, settings: Mapping) -> Data:
     """Return a target of the public recordings, one of RECORDED: a place of the arm by day, or the grasped object.
 
     Strands: the five that both days have, readings of presses count. Hand: its tactile matrices, without the angles of
-    its joints, which tell the minute of a grasp (pipeline/experiments/glove_recorded.py); the grasps of each object, in
+    its joints, which tell the minute of a grasp (see its module in pipeline/experiments); the grasps of each object, in
     the order of time, are five blocks, and the first blocks of all objects are tested together, then the second ones.
     settings: the block of the experiment.
     """

@@ -1,4 +1,4 @@
-"""Models that see windows of frames (touch, velostat_recorded): data, training, tests; see __init__.py."""
+"""Models that see windows of frames: data, training, tests; see __init__.py."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
