@@ -71,6 +71,8 @@ class Facts:
     paper: Paper | None = None
     twin: Twin | None = None
     first: str = ""  # name of its recordings of the first specimen, where names do not number specimens
+    purpose: Mapping[str, str] = field(default_factory=dict)  # effect that no model has to see -> what it is for
+    shown: Mapping[str, str] = field(default_factory=dict)  # effect that recordings show -> statistic of the twins
     studies: tuple[str, ...] = ()  # that numbers of claims are derived from
     # Of public recordings.
     source: Source | None = None

@@ -12,6 +12,11 @@ Every module provides
   first; folder: of a recording, whose logs these are;
 * `split(rows, settings, protocol, seed)` -> (n,) name of the part that each row belongs to;
 
+of sensors that people record themselves, which have `FACTS.log`:
+
+* `log_problems(path, rows, settings)` -> problems of units and signs of one log that can be read;
+* `findings(frames, rows, settings)` -> what all recordings show, each a Finding; rows: what a split divides;
+
 and, by kind:
 
 * windows: `labels(windows, settings)` -> pressure maps (n, map_rows * map_cols); `SCORES`, the name of the function in
@@ -32,6 +37,7 @@ from pipeline.settings import Experiment
 
 NAMES: tuple[str, ...] = get_args(Experiment)
 EVERY = ("KIND", "FACTS", "recordings", "read_recording", "frames_schema", "split")
+OF_OWN = ("formats", "log_problems", "findings")
 OF_KIND = {"windows": ("labels", "SCORES", "STRESSED"), "series": ("task",), "images": ("chosen", "images")}
 
 

@@ -39,6 +39,8 @@ FACTS = Facts(
     quick=("constant", "window_ridge", "window_trees", "naive_bayes", "tree", "sp_resnet"),
     paper=Paper("sp_resnet", "macro_precision", "precision", 100),
     twin=Twin("glove_recorded", "Glove: recorded grasps of a robot hand and those of the glove"),
+    purpose={"line_faults": "ingest is there for torn, doubled, missing and swapped lines"},
+    shown={"session": "alike_within", "wander": "load_wander"},
     studies=("input_frames",),
 )
 

@@ -32,6 +32,11 @@ FACTS = Facts(
     paper=Paper("latent", "error", "test error", 1),
     first="run000",
     twin=Twin("strain_recorded", "Strain: the recorded strands and the finger's"),
+    purpose={
+        "line_faults": "ingest is there for torn, doubled, missing and swapped lines and gaps",
+        "jitter": "the resampling of ingest is there for uneven sampling",
+    },
+    shown={"relaxation": "rest_memory_near", "drift": "drift_over_response", "noise": "noise"},
 )
 
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.

@@ -56,6 +56,15 @@ FACTS = Facts(
     quick=("constant", "window_ridge", "window_trees", "rbf", "lomp"),
     paper=Paper("lomp", "rmse", "RMSE", 1),
     twin=Twin("velostat_recorded", "Touch: the recorded Velostat taxel and the array's element"),
+    purpose={"line_faults": "ingest is there for torn, doubled, missing and swapped lines and resets"},
+    shown={
+        "places": "place_spread",
+        "creep": "gain_from_past",
+        "slow_creep": "creep_long",
+        "hysteresis": "loading_loop",
+        "release": "overshoot",
+        "noise": "noise",
+    },
     studies=("ablation",),
 )
 
