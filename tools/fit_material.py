@@ -352,7 +352,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         say(f"{name}: {compared[name]}")
 
     result = {
-        "source": {"name": SOURCE, "commit": sources.SOURCES[SOURCE].commit},
+        "source": {"name": SOURCE, "commit": velostat_recorded.FACTS.source.commit},
         "parameters": best.values,
         "places": {
             "gain_std": float(best.log_gain.std()),

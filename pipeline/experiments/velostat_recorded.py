@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Source
 from pipeline.datasets import schemas
 from pipeline.logs import alignment, parse
 from pipeline.logs.formats import Column, Format
@@ -16,6 +17,24 @@ from pipeline.logs.report import log_report
 KIND = "windows"
 SCORES = "velostat_recorded"
 STRESSED = ("all",)
+FACTS = Facts(
+    label="Recorded Velostat taxel",
+    unit="counts",
+    output_unit="N",
+    metric="rmse",
+    compared=("repetition",),
+    score="main/all.rmse",
+    sheet="taxel",
+    tested={("repetition", "all"): "all recordings"},
+    pooled=("all",),
+    source=Source(
+        repository="Lupasic/tactile-sensor-velostat",
+        commit="c319860a13fcde964917329370ae31314024a96f",
+        folder="src/experimental_data",
+        licence="none given: use the recordings, do not redistribute them",
+        size=16_927_854,
+    ),
+)
 
 CLOCK = Column("unix_time_s", "s", 1e9, 4e9)  # the years 2001 to 2096
 VELOSTAT = Format((Column("reading", "1", 0, 1e5), CLOCK), time="unix_time_s", separator=" ")
@@ -24,6 +43,11 @@ LOAD_CELL = Format((Column("fz_n", "N", -1e3, 1e3), CLOCK), time="unix_time_s", 
 POOLED = "repetition"  # the protocol that fits all recordings together
 NO_GROUND_TRUTH = "no ground truth at this time"
 SCHEMA = schemas.frames(1, 1, pa.float32())
+
+
+def formats(settings: Mapping, folder: Path | None = None) -> dict[str, Format]:
+    """Return device -> format of its lines: the sensors are given, whatever `settings` say."""
+    return {"velostat_data": VELOSTAT, "futek_data": LOAD_CELL}
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
@@ -55,7 +79,7 @@ def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, d
     """
     pair = {
         f"{device}/{path.name}": (path.parents[2] / device / path.parent.name / path.name, fmt)
-        for device, fmt in (("velostat_data", VELOSTAT), ("futek_data", LOAD_CELL))
+        for device, fmt in formats(settings).items()
     }
     limit, key = settings["ingest"]["max_reject_fraction"], "velostat_recorded.ingest.max_reject_fraction"
     rows, rejects = {}, {}

@@ -4,6 +4,7 @@ Writes data/<experiment>/claim_inputs.csv, rows of the one table of results.
 Usage: python -m pipeline.stages.claim_inputs EXPERIMENT
 """
 
+from pipeline import experiments
 from pipeline.base import arguments, files, params
 from pipeline.base.paths import Workspace
 from pipeline.scoring import claim_inputs
@@ -11,7 +12,7 @@ from pipeline.scoring import claim_inputs
 
 def main(workspace: Workspace) -> None:
     """Derive the numbers of the experiment named on the command line."""
-    experiment = arguments.parse(__doc__, experiment=tuple(claim_inputs.EXPERIMENTS)).experiment
+    experiment = arguments.parse(__doc__, experiment=tuple(experiments.having("paper"))).experiment
     table = claim_inputs.rows(workspace, experiment, params.load(workspace.params)[experiment])
     files.write_table(workspace.claim_inputs(experiment), table)
     print(f"{experiment}: {len(table)} numbers")

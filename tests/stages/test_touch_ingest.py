@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from builders.touch_logs import SETTINGS, lines, logs_of, presses, save
 
+from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 from pipeline.experiments import touch, velostat_recorded
@@ -335,7 +336,7 @@ DAMAGES = {
 }
 
 
-@pytest.mark.parametrize("experiment", sources.SOURCES)
+@pytest.mark.parametrize("experiment", experiments.having("source"))
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_one_file_of_a_source_that_is_not_right_stops_the_stage(workspace, experiment, damage, monkeypatch):
     """What an earlier run wrote stays: DVC would take an empty table for the result."""
