@@ -233,7 +233,7 @@ def log_problems(path: Path, rows: pa.Table, settings: Mapping) -> Iterator[str]
             yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
 
 
-def findings(frames: pa.Table, series: pa.Table, settings: Mapping) -> Iterator[Finding]:
+def findings(frames: pa.Table, rows: pa.Table, settings: Mapping) -> Iterator[Finding]:
     """Yield what all recordings show: whether they are too short."""
     if frames.num_rows < 10 * settings["window"]["frames"]:
         yield Finding("the recordings are too short to learn from", wrong=True)
