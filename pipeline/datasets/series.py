@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute
 
+from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
 
 
@@ -60,7 +61,10 @@ class Piece(NamedTuple):
 
 
 def read(path: Path, task: Task, protocol: str, seed: int) -> list[Piece]:
-    """Read the recordings of a dataset that one run uses, in the order of the table."""
+    """Read the recordings of a dataset that one run uses, in the order of the table.
+
+    Raises InputError where its samples have fewer channels than the task has.
+    """
     split = schemas.split_column(protocol, seed)
     table = schemas.read(path, ["condition", "recording", "t_s", "press", "v", "y", split])
     used = pyarrow.compute.not_equal(table[split], "unused").to_numpy()  # names of all samples would take 6 s
@@ -69,6 +73,9 @@ def read(path: Path, task: Task, protocol: str, seed: int) -> list[Piece]:
     condition, recording = schemas.names(table["condition"]), schemas.names(table["recording"])
     v, y, press = schemas.matrix(table["v"]), schemas.matrix(table["y"]), table["press"].to_numpy()
     pieces = []
+    most = 1 + max((channel for channels in task.channels.values() for channel in channels), default=-1)
+    if most > v.shape[1]:
+        raise InputError(f"{path}: its samples have {v.shape[1]} channels, and the settings ask for {most}")
     for name in task.channels:
         for recorded in np.unique(recording[condition == name]):
             rows = np.flatnonzero((condition == name) & (recording == recorded))

@@ -53,7 +53,11 @@ def read_dataset(path: Path, frames: int, elements: int, run: tuple[str, int] | 
     if frames > (most := table["x"].type.list_size // elements):
         raise InputError(f"{path}: its windows have {most} frames, and the setting window.frames asks for {frames}")
     x = schemas.matrix(table["x"])[:, -frames * elements :].astype(np.float32)
-    return Dataset(x.reshape(len(x), frames, elements), schemas.matrix(table["y"]), table.drop_columns(["x", "y"]))
+    rows = table.drop_columns(["x", "y"])
+    if frames < most and "previous" in rows.column_names:  # without its first frames a window follows on none
+        at = rows.schema.get_field_index("previous")
+        rows = rows.set_column(at, rows.schema.field(at), pa.array(np.full(len(x), -1, np.int32)))
+    return Dataset(x.reshape(len(x), frames, elements), schemas.matrix(table["y"]), rows)
 
 
 def _of_run(path: Path, protocol: str, seed: int) -> pa.Table:

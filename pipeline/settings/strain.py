@@ -163,8 +163,8 @@ class StrainProtocol(Protocol):
 
     samples: Annotated[int, Field(ge=2, le=1_000_000)] = Field(
         default=None,
-        description="Samples that are trained on, the last ones before the test part, none of them for validation; "
-        "without it all",
+        description="Samples that are trained on at most, the last ones before the test part, none of them for "
+        "validation; without it all",
     )
     base: Task = Field(default=None, description="Task whose network transfer starts from; without it task 0")
 

@@ -5,6 +5,7 @@ variant of what that network sees, or of how it is trained, trains its own. The 
 Usage: python -m pipeline.studies.variants EXPERIMENT SEED
 """
 
+import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ from tqdm import tqdm
 
 from pipeline import models, tasks
 from pipeline.base import arguments, files, params, workers
+from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.learning.trained import Trained
@@ -22,9 +24,21 @@ from pipeline.scoring.claim_inputs import COLUMNS
 from pipeline.scoring.published import ANY
 from pipeline.settings.shards import Variant
 
+# What training reads and a dataset is not made of, or what it may see less of. Any other setting would change nothing.
+CHANGES = r"models\..+|window\.frames|sensor\.channels|protocols\.\w+\.(base|passes|samples)"
 
-def varied(workspace: Workspace, variant: Variant) -> dict:
-    """Return all settings with those of a variant. Raises InputError for a key that there is not, or a wrong value."""
+
+def varied(workspace: Workspace, experiment: str, variant: Variant) -> dict:
+    """Return all settings with those of a variant.
+
+    Raises InputError for a key that there is not, that a variant cannot change, or with a wrong value.
+    """
+    for name in variant.set:
+        if not re.fullmatch(rf"{experiment}\.({CHANGES})", name):
+            raise InputError(
+                f"{shards.SETS}: a variant of {experiment} cannot change '{name}', for its data are those of the set; "
+                "make another set of it"
+            )
     with tempfile.TemporaryDirectory() as folder:
         copy = copied(workspace.params, Path(folder))
         set_values(variant.set, copy, shards.SETS)
@@ -84,7 +98,9 @@ def run(
     import torch
 
     torch.set_num_threads(1)
-    own, tables = (Setting(workspace, values, experiment, seed) for values in (varied(workspace, variant), known))
+    own, tables = (
+        Setting(workspace, values, experiment, seed) for values in (varied(workspace, experiment, variant), known)
+    )
     first, rows = own.block.get("model_zero", ""), []
     with tempfile.TemporaryDirectory() as folder:
         for protocol in variant.protocols:

@@ -42,6 +42,16 @@ def test_a_window_whose_predecessor_is_unused_starts_from_zero(path):
     assert own.rows["previous"].to_pylist() == [-1, 0, 1, -1, 3]
 
 
+def test_of_windows_the_last_frames_are_read_and_then_none_follows_on_another(path):
+    whole, last = read_dataset(path, 2, 2), read_dataset(path, 1, 2)
+    np.testing.assert_array_equal(last.x, whole.x[:, 1:])
+    np.testing.assert_array_equal(last.y, whole.y)
+    assert set(last.rows["previous"].to_pylist()) == {-1} != set(whole.rows["previous"].to_pylist())
+    assert last.rows.drop_columns("previous").equals(whole.rows.drop_columns("previous"))
+    with pytest.raises(InputError, match="its windows have 2 frames, and the setting window.frames asks for 3"):
+        read_dataset(path, 3, 2)
+
+
 def test_a_run_that_the_dataset_does_not_have_is_one_sentence(path):
     with pytest.raises(InputError, match="dataset.parquet: .*split_press_7"):
         read_dataset(path, 2, 2, ("press", 7))

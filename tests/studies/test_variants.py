@@ -46,7 +46,7 @@ def test_the_committed_variants_can_be_trained_and_differ_in_one_thing(name):
     each = SETS[name]
     tables, seen = params.load(ROOT / "params.yaml"), []
     for variant in each.variants.values():
-        values = variants.varied(Workspace(ROOT), variant)
+        values = variants.varied(Workspace(ROOT), each.experiment, variant)
         block = values[each.experiment]
         assert set(variant.models) <= set(block["models"]) and set(variant.protocols) <= set(each.protocols)
         seen.append([variant.models, json.dumps(block, sort_keys=True)])
@@ -73,7 +73,23 @@ def test_the_committed_variants_can_be_trained_and_differ_in_one_thing(name):
 )
 def test_a_variant_that_cannot_be_trained_is_one_sentence(varied, wrong, words):
     with pytest.raises(InputError, match=words):
-        varied("touch", models=["lomp"], protocols=["press"], set=wrong)
+        varied(next(iter(wrong)).partition(".")[0], models=["lomp"], protocols=["press"], set=wrong)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "touch.simulate.seed",
+        "touch.window.stride",
+        "touch.sensor.rows",
+        "touch.split.seed",
+        "touch.protocols.press.seeds",
+    ]
+    + ["touch.budget", "touch.protocols", "touch.windowXframes", "glove.models.sp_resnet.width", "device"],
+)
+def test_what_would_change_nothing_or_the_data_is_refused(varied, name):
+    with pytest.raises(InputError, match=f"evidence/shards.yaml: a variant of touch cannot change '{name}'"):
+        varied("touch", models=["lomp"], protocols=["press"], set={"touch.models.lomp.alpha": 0.0, name: 1})
 
 
 @pytest.mark.parametrize(
@@ -225,6 +241,22 @@ def test_a_first_network_that_sees_other_things_or_is_trained_otherwise_is_the_v
     assert series.bases == [None, None, zero, None, zero] and workspace.root not in zero.parents
     blocks = [block for name, block in series.built if name == "lstm_direct"]
     assert all(block == blocks[0] for block in blocks)
+
+
+def test_more_strands_than_there_are_is_one_sentence(workspace, varied):
+    table = pa.table(
+        {
+            **{name: pa.array(["a"] * 3).dictionary_encode() for name in ("condition", "recording")},
+            "t_s": np.arange(3.0),
+            "press": pa.array([0] * 3, pa.int32()),
+            "v": schemas.lists(np.zeros((3, 6)), pa.float32()),
+            "y": schemas.lists(np.zeros((3, 3)), pa.float32()),
+            schemas.split_column("task_1", 0): pa.array(["train"] * 3).dictionary_encode(),
+        }
+    )
+    schemas.write(workspace.dataset("strain"), table.schema, [table])
+    with pytest.raises(InputError, match="dataset.parquet: its samples have 6 channels, and the settings ask for 8"):
+        varied("strain", models=["lstm_direct"], protocols=["task_1"], set={"strain.sensor.channels": 8})
 
 
 def test_fewer_strands_are_the_first_ones(workspace, varied, series, monkeypatch):
