@@ -37,7 +37,7 @@ from pipeline.reporting.words.markdown import number
 from pipeline.reporting.words.templates import render
 from pipeline.scoring import one_table, results, shards
 from pipeline.scoring.results import kept_rows
-from pipeline.scoring.studies import METRIC, effects
+from pipeline.scoring.studies import FAMILIES, effects
 
 JOINED = {"single_anew": "single", "several": "double"}  # conditions that are drawn in the figure of another one
 STRESS = ["experiment", *stability_verdicts.KEY, "metric", "value"]  # of reports/stress.csv
@@ -110,7 +110,7 @@ def rightsize(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFra
     """Judge the ladders of all experiments; the table is verdicts.sizes.JUDGED."""
     parts, together = [], [pd.DataFrame(columns=sizes_verdicts.JUDGED)]
     evidence = one_table.Results(shards.read(workspace))
-    for experiment in METRIC:
+    for experiment in dict.fromkeys(family.experiment for family in FAMILIES.values()):
         runs = sizes_verdicts.read(workspace, evidence, experiment)
         if runs.empty:
             parts.append({"experiment": experiment, "missing": True})

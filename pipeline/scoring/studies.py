@@ -12,29 +12,34 @@ import pandas as pd
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.experiments import facts
 from pipeline.scoring.results import read_csv
 
 MADE_BY = "tactile evidence"
 NONE = "none"  # no effect of a scene is left out
 PHYSICS = ("experiment", "effect", "condition", "model", "seed", "metric", "unit", "value")  # columns of physics.csv
 LADDER = ("experiment", "condition", "family", "size", "params", "metric", "unit", "seed", "value", "macs")
-METRIC = {"touch": "rmse", "strain": "error", "glove": "macro_precision"}  # of each experiment's ladders
 
 
 class Family(NamedTuple):
-    """One way to make a model larger: its variants are called `name`_<size>; conditions: those judged, () for all."""
+    """One way to make a model larger: its variants are called `name`_<size>."""
 
     experiment: str
     model: str
     name: str
-    conditions: tuple[str, ...] = ()
+    protocol: str  # of the experiment's main table, under which a condition is trained and tested
+    conditions: tuple[str, ...] = ()  # those judged, () for all
 
 
 FAMILIES = {
-    "lomp": Family("touch", "lomp", "hidden", ("single", "double")),  # hidden units; conditions of Table I
-    "window": Family("touch", "cnn", "window", ("single", "double")),  # frames of a window that the model sees
-    "lstm": Family("strain", "lstm_direct", "units"),  # units
-    "sp_resnet": Family("glove", "sp_resnet", "width"),  # channels, as a share of the published ones
+    # hidden units; conditions of Table I
+    "lomp": Family("touch", "lomp", "hidden", "press", ("single", "double")),
+    # frames of a window that the model sees
+    "window": Family("touch", "cnn", "window", "press", ("single", "double")),
+    # units
+    "lstm": Family("strain", "lstm_direct", "units", "{condition}"),
+    # channels, as a share of the published ones
+    "sp_resnet": Family("glove", "sp_resnet", "width", "session_{condition}"),
 }
 
 
@@ -64,9 +69,9 @@ def rungs(rows: pd.DataFrame, experiment: str, name: str) -> pd.DataFrame:
 def ladders(rows: pd.DataFrame, experiment: str) -> pd.DataFrame:
     """Return the runs of an experiment's ladders, columns LADDER; rows: of the one table."""
     parts = [pd.DataFrame(columns=LADDER)]
-    for family, (of, model, name, conditions) in FAMILIES.items():
+    for family, (of, model, name, _, conditions) in FAMILIES.items():
         own = rungs(rows[rows["model"] == model], of, name) if of == experiment else rows[:0]
-        scores = own[own["metric"] == METRIC[experiment]]
+        scores = own[own["metric"] == facts(experiment).paper.metric]
         scores = scores[scores["condition"].isin(conditions or scores["condition"])]
         if len(scores):
             for cost in ("params", "macs"):
@@ -82,8 +87,9 @@ def sizes(variants: Iterable[str], name: str) -> list[float]:
 
 
 def protocol(experiment: str, condition: str) -> str:
-    """Return the protocol of the experiment's main table under which a condition is trained and tested."""
-    return {"touch": "press", "glove": f"session_{condition}"}.get(experiment, condition)
+    """Return the protocol of an experiment's ladders under which a condition is trained and tested."""
+    family = next(each for each in FAMILIES.values() if each.experiment == experiment)
+    return family.protocol.format(condition=condition)
 
 
 def check(table: pd.DataFrame, path: Path, key: list[str], wanted: Iterable[tuple], made_by: str) -> None:
