@@ -38,4 +38,4 @@ def build(spec: Spec, *, reduction: int, width: float, training: AugmentedTraini
 def network(channels: int, classes: int, reduction: int, width: float = 1.0) -> nn.Sequential:
     """Return a network from images (n, channels, rows, cols) to scores (n, classes)."""
     stem = int(width * CHANNELS)
-    return separable_network(channels, classes, min(reduction, stem), stem)
+    return separable_network(channels, classes, reduction if width == 1 else min(reduction, stem), stem)

@@ -128,7 +128,7 @@ def test_attention_weighs_rows_and_columns():
 @pytest.mark.parametrize("reduction", [0, 65, -1])
 def test_reduction_that_leaves_no_channel_is_refused(reduction):
     with pytest.raises(InputError, match="reduction must be from 1 to the 64 channels"):
-        sp_resnet.build(spec_of(OBJECTS), reduction=reduction, training=AugmentedTraining(**TRAINING))
+        sp_resnet.build(spec_of(OBJECTS), reduction=reduction, width=1.0, training=AugmentedTraining(**TRAINING))
 
 
 @pytest.mark.parametrize("block", [BasicBlock(4, 4), SeparableBlock(4, 4), SeparableBlock(4, 4, reduction=2)])
