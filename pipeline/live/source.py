@@ -42,7 +42,7 @@ def line_format(card: Card) -> Format:
 
 def line_layout(card: Card) -> Mapping | None:
     """Return the layout of the lines that a model's sensor prints, None for the usual one."""
-    return layout.of(card.reading.get("ingest", {}), LOGS.get(card.experiment, ""))
+    return layout.of(card.reading.get("ingest", {}), LOGS.get(card.experiment, LOGS["touch"]))
 
 
 class Lines:

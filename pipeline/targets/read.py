@@ -16,7 +16,7 @@ import pyarrow as pa
 from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
-from pipeline.experiments import glove, strain, strain_recorded, touch, velostat_recorded
+from pipeline.experiments import glove, strain, strain_recorded, touch
 from pipeline.logs import alignment, layout, own_data, parse, sniff
 from pipeline.logs.formats import LOGS, Column, Format, second
 from pipeline.settings import patterns
@@ -32,7 +32,7 @@ FORMATS = {  # of the sensor's log, by experiment
     "touch": touch.array_format,
     "strain": lambda settings: strain.formats(settings)["daq.log"],
     "glove": glove.scanner_format,
-    "velostat_recorded": lambda settings: velostat_recorded.VELOSTAT,
+    "velostat_recorded": touch.array_format,
 }
 # A number in a name: with a sign, or no 0 before its point, only where no letter or digit precedes: weight-100g is 100.
 # A comma is a decimal one, but 1,500 is two numbers, as nobody knows whether it is 1.5.
