@@ -17,7 +17,6 @@ SCENES = {
     "touch": ["scenes/touch", "scenes/touch_contact", "scenes/touch_motion"],
     "strain": ["scenes/strain"],
     "glove": ["scenes/glove", "reporting/glove"],
-    "glove_recorded": ["reporting/glove_recorded"],
 }  # the files that write an experiment's simulated logs, draw its laws, or say what the paper leaves open
 
 
