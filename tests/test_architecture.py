@@ -28,7 +28,7 @@ ARROWS = {
     "stages": {"inference", "reporting/page", "stability", "twins"},
     "studies": {"reporting/page", "stability"},
     "commands": {"live", "own", "reporting/page", "sheet/page", "stability", "targets", "twins"},
-    "own": {"tasks"},  # sensors of your own: their settings, and what their logs need
+    "own": {"inference"},  # sensors of your own: their settings, and what their logs need
     "live": {"inference"},
     "inference": {"reporting/figures", "targets", "tasks"},
     "stability": {"tasks", "scenes"},
@@ -45,7 +45,7 @@ ARROWS = {
     "reporting/verdicts": {"reporting/words"},
     "claims": {"scoring"},  # the only place that judges the papers' claims
     "reporting/words": {"scoring"},  # the names of models, Markdown
-    "scoring": {"datasets"},
+    "scoring": {"experiments"},
     "scenes": {"datasets"},
     "experiments": {"logs"},
     "logs": {"datasets"},

@@ -455,7 +455,7 @@ def test_a_glove_of_few_channels_end_to_end(tmp_path, tactile):
     assert "12 of 12 recordings can be used" in said
     accuracy = errors_in(tmp_path, "few", ["Session force", "Session motion", "Session combined"])
     assert min(accuracy["combined", model] for model in ("tree", "window_trees")) > accuracy["combined", "constant"]
-    for model in ("tree", *own_settings.YARDSTICKS["glove"]):
+    for model in ("tree", *own_settings.YARDSTICKS["images"]):
         assert "pen/day1: 20 readings" in tactile(
             "predict", f"build/own/few/trained/{model}", "data/own/few/pen/day1", "--out", f"predictions/{model}"
         )
@@ -476,7 +476,7 @@ def test_one_strain_sensor_of_two_days_end_to_end(tmp_path, tactile):
     settled(logs, settings)
     tactile("try", "data/own/cord")
     error = errors_in(tmp_path, "cord", ["stretch/friday", "Stretch (1 run)"])
-    for model in ("ridge", *own_settings.YARDSTICKS["strain"]):
+    for model in ("ridge", *own_settings.YARDSTICKS["series"]):
         assert error["stretch", model] < error["stretch", "constant"] / 2, model
 
 

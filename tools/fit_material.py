@@ -35,7 +35,7 @@ from scipy.optimize import least_squares
 from pipeline.base import arguments, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.experiments import touch, velostat_recorded
+from pipeline.experiments import velostat_recorded
 from pipeline.logs import layout, parse, sources
 from pipeline.reporting.words import templates
 from pipeline.scenes.material import FITTED, RASTER, STEP_MM, Material, log_resistance
@@ -105,9 +105,9 @@ def load_recording(folder: Path, settings: Mapping, name: str, repetition: int, 
     settings: the block of SOURCE; lag_s: how much later the reading's clock is than the load cell's.
     """
     files = velostat_recorded.logs(folder / "velostat_data" / name / f"exp_{name}_sensor1_exp{repetition}.txt")
-    formats = {"array.log": touch.array_format(settings), "load_cell.log": touch.LOAD_CELL}
     rows = {
-        log: parse.read_log(files[log], formats[log], layout=layout.of(settings["ingest"], log))[0] for log in files
+        log: parse.read_log(files[log], fmt, layout=layout.of(settings["ingest"], log))[0]
+        for log, fmt in velostat_recorded.formats(settings).items()
     }
     (reading, reading_s), (force, force_s) = (
         (rows[log][column].to_numpy(), rows[log]["t_us"].to_numpy() / 1e6)
@@ -360,7 +360,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         say(f"{name}: {compared[name]}")
 
     result = {
-        "source": {"name": SOURCE, "commit": sources.SOURCES[SOURCE].commit},
+        "source": {"name": SOURCE, "commit": velostat_recorded.FACTS.source.commit},
         "parameters": best.values,
         "places": {
             "gain_std": float(best.log_gain.std()),

@@ -14,9 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pipeline.base.cards import Words
 
 # Margins beyond which at most 1 % of the test part of the training's own sensor lies. Measured on the first protocols
-# of the look, of strain_recorded within a day, in %:
+# of the look, of recorded strands within a day, in %:
 #
-#                                    touch  velostat_recorded  strain  strain_recorded  glove  glove_recorded
+#                                    touch     recorded taxel  strain          strands  glove   recorded hand
 # a column, 0 % of the widest range    0.7                0.1     0.5              0.1     13              13
 #                        5 %           0.1                0.1     0.3                0    5.0             7.0
 #                       10 %             0                  0       0                0    0.6             2.9

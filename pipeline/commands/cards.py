@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.base import files, paths, ranges
 from pipeline.base.paths import Workspace
+from pipeline.experiments import facts
 from pipeline.inference import card as cards
 from pipeline.inference import intervals
 from pipeline.reporting.words import labels
@@ -20,17 +21,14 @@ from pipeline.scoring.claim_inputs import FULL
 
 TOGETHER = "all objects"
 FLOOR = "constant"  # the model that a useful one must beat
-SCORES = {  # experiment -> metric, its name and unit, how many of these one of ours is, whether a lower value is better
-    "touch": ("rmse", "RMSE in kPa", 1, True),
-    "strain": ("error", "Error in mm", 1, True),
-    "glove": ("accuracy", "Accuracy in %", 100, False),
-}
 
 
 def card_of(workspace: Workspace, folder: Path) -> str:
     """Return the model card of a pretrained model in Markdown. Errors as of `cards.read` and `results.read_csv`."""
     card = cards.read(folder)
-    metric, measure, factor, lower = SCORES[card.experiment]
+    metric = facts(card.experiment).metric
+    lower, factor, unit = metric != "accuracy", factor_of(metric), facts(card.experiment).output_unit
+    measure = f"{labels.MEASURES[metric]} in {unit if lower else '%'}"
     kept = one_table.Results(shards.read(workspace).assign(**{one_table.WHOLE: False}))
     rows = []
     for score in card.scores:
@@ -57,6 +55,11 @@ def card_of(workspace: Workspace, folder: Path) -> str:
         errors=(["Test part", "This model", "Trained again, mean [95 %]", "Failed", "A constant"], rows),
         elsewhere=elsewhere(workspace, card),
     )
+
+
+def factor_of(metric: str) -> int:
+    """Return what a score is multiplied by to be shown: shares are in %."""
+    return 100 if metric in results.SHARES else 1
 
 
 def more_epochs(workspace: Workspace, card: cards.Card) -> str:
@@ -100,7 +103,8 @@ def elsewhere(workspace: Workspace, card: cards.Card) -> list[list[str]]:
     A row: what was tested; the score on its own specimen, on others, and of a constant on the others; and how much of
     its gain over a constant the model keeps there. These are models of `dvc repro`, with its small budget.
     """
-    metric, _, factor, _ = SCORES[card.experiment]
+    metric = facts(card.experiment).metric
+    factor = factor_of(metric)
     columns = ["experiment", "condition", "model", "perturbation", "severity", "metric", "value"]
     table = results.read_csv(workspace.reports / "stress.csv", columns, "dvc repro collect")
     table = table[(table["experiment"] == card.experiment) & (table["perturbation"] == "specimen")]

@@ -11,13 +11,14 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from tqdm import tqdm
 
+from pipeline import experiments
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.reporting import coverage
 from pipeline.reporting.words import labels, templates
 
-RECORDED = ("velostat_recorded", "strain_recorded", "glove_recorded")
+RECORDED = tuple(experiments.having("source"))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +45,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
 def write_page(workspace: Workspace, values: Mapping) -> None:
     """Write README.md of all tables of coverage that are there."""
     there = [name for name in values["experiments"] if workspace.coverage(name).exists()]
-    read = {labels.EXPERIMENTS[name]: coverage.read(workspace, name) for name in there}
+    read = {labels.experiment_name(name): coverage.read(workspace, name) for name in there}
     tables = {name: (list(coverage.rows(table)), coverage.untold(table)) for name, table in read.items()}
     target = workspace.coverage("").with_name("README.md")
     files.write_text(target, templates.render("coverage", header=coverage.HEADER, tables=tables))

@@ -14,15 +14,16 @@ from urllib.request import Request, urlopen
 
 from tqdm import tqdm
 
+from pipeline import experiments
 from pipeline.base.errors import InputError, storage_error
 from pipeline.base.files import sha256
 from pipeline.base.paths import Workspace
+from pipeline.experiments import facts
 from pipeline.logs import sources
 
 TIMEOUT_S = 60
 BLOCK = 1 << 16  # bytes between two moves of the bar
 LARGEST_FILE = 256 << 20  # bytes; the largest recording has 4 MB
-SIZES = {"velostat_recorded": 16_927_854, "strain_recorded": 5_867_681, "glove_recorded": 5_093_550}  # bytes
 
 
 def state(workspace: Workspace, name: str) -> str:
@@ -39,13 +40,13 @@ def state(workspace: Workspace, name: str) -> str:
 def listing(workspace: Workspace) -> str:
     """Return all sources with files, size, state, licence and address, as lines of text."""
     rows = [("source", "files", "size", "state", "licence")]
-    for name, source in sources.SOURCES.items():
-        size = f"{SIZES[name] / 1e6:.1f} MB"
+    for name, source in experiments.having("source").items():
+        size = f"{source.size / 1e6:.1f} MB"
         rows.append((name, str(len(sources.files(name))), size, state(workspace, name), source.licence))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     lines += ["", "from, at pinned commits:"]
-    for name, source in sources.SOURCES.items():
+    for name, source in experiments.having("source").items():
         lines.append(f"  {name}: https://github.com/{source.repository}/tree/{source.commit}/{source.folder}")
     lines += [
         "",
@@ -65,7 +66,7 @@ def fetch(workspace: Workspace, name: str, from_folder: Path | None = None) -> t
     if from_folder is not None and not from_folder.is_dir():
         raise InputError(f"{from_folder}: no such folder; give the folder that holds the files of {name}")
     written = kept = 0
-    with tqdm(total=SIZES[name], desc=name, unit="B", unit_scale=True) as bar:
+    with tqdm(total=facts(name).source.size, desc=name, unit="B", unit_scale=True) as bar:
         for path, digest in listed.items():
             goal = target / path
             if not goal.resolve().is_relative_to(target.resolve()):
@@ -78,7 +79,7 @@ def fetch(workspace: Workspace, name: str, from_folder: Path | None = None) -> t
             goal.parent.mkdir(parents=True, exist_ok=True)
             part = goal.with_name(goal.name + ".part")
             if from_folder is None:
-                origin, resumed = sources.address(name, path), part.is_file()
+                origin, resumed = sources.address(facts(name).source, path), part.is_file()
                 _download(origin, part, bar)
                 if resumed and sha256(part) != digest:  # the old part was not the start of this file
                     part.unlink()
@@ -138,7 +139,8 @@ def _found(path: Path, folder: Path, name: str) -> Path:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the source and the local folder to the parser of this command."""
-    parser.add_argument("name", nargs="?", choices=sorted(sources.SOURCES), help="a source; without it, the list")
+    known = sorted(experiments.having("source"))
+    parser.add_argument("name", nargs="?", choices=known, help="a source; without it, the list")
     parser.add_argument("--from", dest="from_folder", type=Path, metavar="FOLDER", help="copy, do not download")
 
 
@@ -146,9 +148,9 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """List the sources, or fetch the one named on the command line."""
     if given.name is None:
         if given.from_folder is not None:
-            raise InputError(f"--from: name the source too, one of {', '.join(sources.SOURCES)}")
+            raise InputError(f"--from: name the source too, one of {', '.join(experiments.having('source'))}")
         print(listing(workspace))
         return
     written, kept = fetch(workspace, given.name, given.from_folder)
     print(f"{given.name}: {written} files written, {kept} already there, all SHA-256 right")
-    print(f"licence: {sources.SOURCES[given.name].licence}")
+    print(f"licence: {facts(given.name).source.licence}")

@@ -16,13 +16,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline import experiments
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import check
+from pipeline.experiments import log_name
 from pipeline.logs import layout, parse
 from pipeline.logs.diagnosis import QUOTED
-from pipeline.logs.formats import LOGS, Format
+from pipeline.logs.formats import Format
 from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
@@ -47,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="such as run0.mat")
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger/single/run0")
     kinds = "what the logs are of, where other logs of the sensor or its settings.yaml do not tell it"
-    parser.add_argument("--of", choices=tuple(LOGS), help=kinds)
+    parser.add_argument("--of", choices=tuple(experiments.having("log")), help=kinds)
     parser.add_argument("--rate-hz", type=float, metavar="HZ", help="rows a second of files without times")
 
 
@@ -57,25 +59,25 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     sensor = folder.absolute().parents[1] if len(folder.absolute().parents) > 2 else folder
     experiment = given.of or check.experiment_of(sensor)
     settings = own_settings.of_logs(workspace, experiment, sensor)[experiment]
-    origin, gains = own_logs.imported(folder), _gains_beside(sensor, folder, LOGS[experiment])
+    origin, gains = own_logs.imported(folder), _gains_beside(sensor, folder, log_name(experiment))
     with tempfile.TemporaryDirectory() as draft:
         texts = {}
         for number, path in enumerate(given.files):
             place = Path(draft, str(number))
             place.mkdir()
             texts |= tables.text_of(path, place)
-        formats, ways, refused = check.formats(experiment, folder, settings), {}, {}
+        formats, ways, refused = experiments.module(experiment).formats(settings, folder), {}, {}
         for name, fmt in formats.items():
             if known := origin.get(name):
                 ways[name] = [_told(texts, name, known, folder)]
             else:
                 ways[name], refused[name] = _sniffed(experiment, name, fmt, texts, settings)
         found = _assigned(ways)
-        if (name := LOGS[experiment]) in found and name not in origin and gains:
+        if (name := log_name(experiment)) in found and name not in origin and gains:
             _take_gain(found[name], formats[name], gains, settings["ingest"]["max_reject_fraction"])
         for name, fmt in formats.items():
             if name not in found:
-                if refused[name] and name == LOGS[experiment]:
+                if refused[name] and name == log_name(experiment):
                     raise InputError("\n".join(refused[name]))
                 for reason in refused[name] or [f"not found in {', '.join(texts)}, as columns of {fmt.shown}"]:
                     print(f"{name}: {reason}")
@@ -85,7 +87,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
                 one.proposal.layout["rate_hz"] = given.rate_hz
             if one.proposal.layout.get("rate_hz", 0) is None:
                 reason = f"{one.table}: has no times; say by --rate-hz how many rows a second there are"
-                if name == LOGS[experiment]:
+                if name == log_name(experiment):
                     raise InputError(reason)
                 print(f"{name}: {reason}")
                 del found[name]
@@ -96,7 +98,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             raise InputError(
                 f"{given.files[0]}: no column of it is known, or there are not as many readings as {experiment}.sensor "
                 f"has; fix {sensor / own_settings.FILE}, or name the columns in {folder / ORIGIN}, such as logs: "
-                f"{{{LOGS[experiment]}: {{{FROM}: {next(iter(texts))}, separator: ',', time: 1, columns: 2..5}}}}"
+                f"{{{log_name(experiment)}: {{{FROM}: {next(iter(texts))}, separator: ',', time: 1, columns: 2..5}}}}"
             )
         limit, key = settings["ingest"]["max_reject_fraction"], f"{experiment}.ingest.max_reject_fraction"
         said = {name: _write(Path(draft, name), one, formats[name], limit, key) for name, one in found.items()}

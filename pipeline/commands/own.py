@@ -19,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from pipeline import experiments
 from pipeline.base import files, modules, params, processes
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import set_values
@@ -27,16 +28,11 @@ from pipeline.commands import check, sheet, targets
 from pipeline.commands.targets import Effort
 from pipeline.datasets import schemas
 from pipeline.logs import own_data
-from pipeline.logs.formats import LOGS
 from pipeline.own import settings as own_settings
 from pipeline.settings.targets import Asked
 from pipeline.sheet import quantities, sources
 
-STAGES = {
-    "touch": ("ingest", "window", "dataset", "train", "evaluate"),
-    "strain": ("ingest", "dataset", "train", "evaluate"),
-    "glove": ("ingest", "dataset", "train", "evaluate"),
-}
+STAGES = ("ingest", "window", "dataset", "train", "evaluate")  # `window` of what is cut into windows
 TRAINED = "trained"  # folder of the models, in the workspace of a sensor
 
 
@@ -117,7 +113,7 @@ def name_of(checkout: Workspace, folder: Path) -> str:
     if not parts:
         raise InputError(f"{folder}: holds the folders of sensors; move its logs into one, such as data/own/finger")
     outer = [around for around in list(folder.parents)[: len(parts) - 1] if check.kinds_of(around)]
-    logs = [log for name in LOGS.values() for log in files.finished(folder.rglob(name))]
+    logs = [log for name in experiments.having("log").values() for log in files.finished(folder.rglob(name))]
     inner = sorted(log.parents[2] for log in logs if len(log.relative_to(folder).parts) > 3)
     reports = checkout.reports.joinpath("own", *parts)
     inner += sorted(path for path in reports.glob("*") if path.is_dir())
@@ -134,7 +130,8 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
     experiment, folder, name, workspace = sensor
     if problem := check.check(checkout, experiment, folder, values):
         raise InputError(f"fix first: {problem}")
-    for stage in STAGES[experiment]:
+    windows = experiments.module(experiment).KIND == "windows"
+    for stage in (stage for stage in STAGES if windows or stage != "window"):
         if stage == "train":
             fit_centres(workspace, experiment, values)
         modules.run(workspace.root, f"pipeline.stages.{stage}", experiment)

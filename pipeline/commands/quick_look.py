@@ -6,19 +6,13 @@ A target of one's own, `target:` in settings.yaml, is tested as there, on fewer 
 
 import argparse
 
+from pipeline import experiments
 from pipeline.base.paths import Workspace
 from pipeline.commands import check, own, targets
-
-MODELS = {  # one that knows nothing, quick ones and a network of the papers
-    "touch": ("constant", "window_ridge", "window_trees", "rbf", "lomp"),
-    "strain": ("constant", "ridge", "window_ridge", "window_trees", "press_difference", "lstm_direct"),
-    "glove": ("constant", "window_ridge", "window_trees", "naive_bayes", "tree", "sp_resnet"),
-}
-
 
 add_arguments = check.add_arguments
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Look at the logs named on the command line."""
-    own.main(workspace, given, targets.LOOK, [0], MODELS)
+    own.main(workspace, given, targets.LOOK, [0], experiments.having("quick"))

@@ -14,14 +14,13 @@ from pipeline.base import files, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import check
+from pipeline.experiments import facts
 from pipeline.logs import sources as public
 from pipeline.own import settings as own_settings
 from pipeline.sheet import quantities, sources
 from pipeline.sheet.cycles import Sensor
 from pipeline.sheet.page import figure, text
 from pipeline.sheet.quantities import Sheet
-
-EVERY = {"strain_recorded": {"every": 1}}  # all samples: of every third, presses have seven readings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +62,7 @@ def sensors(workspace: Workspace, values: Mapping, source: str) -> Iterator[Sens
         settings = own_settings.of_logs(workspace, experiment, folder)[experiment]
         yield from sources.sensors(experiment, folder.name or str(folder.resolve().name), folder, settings)
         return
-    if source in public.SOURCES:
+    if facts(source).source:
         yield from sources.sensors(source, source, *recorded(workspace, values, source))
         return
     folder = paths.require(workspace.logs(source), f"python -m pipeline.stages.simulate {source}")
@@ -74,5 +73,6 @@ def recorded(workspace: Workspace, values: Mapping, source: str) -> tuple[Path, 
     """Return the folder of a public recording, and its settings with every sample; InputError where it is not here."""
     if not public.is_complete(workspace, source):
         raise InputError(f"{public.folder(workspace, source)}: no recordings; run `tactile fetch {source}`")
-    settings = values[source]
-    return public.folder(workspace, source), settings | {"ingest": settings["ingest"] | EVERY.get(source, {})}
+    ingest = values[source]["ingest"]
+    whole = ingest | {"every": 1} if "every" in ingest else ingest  # of every third sample, presses have seven readings
+    return public.folder(workspace, source), values[source] | {"ingest": whole}

@@ -4,13 +4,14 @@ Any sensor that scans areas is read alike, a mat or a glove of a few sensors: `g
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Finding, Paper, Twin
 from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas, specimens
 from pipeline.datasets.seeding import generator
@@ -19,6 +20,29 @@ from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "images"
+FACTS = Facts(
+    label="Glove",
+    unit="levels",
+    output_unit="probability",
+    metric="accuracy",
+    compared=("random_frames_combined", "session_combined"),
+    score="main/combined.macro_precision",
+    sheet="areas_of_glove",
+    tested={
+        ("session_pressure", "pressure"): "pressure",
+        ("session_strain", "strain"): "strain",
+        ("session_combined", "combined"): "pressure and strain",
+    },
+    log="scanner.log",
+    layout=("ingest.max_reject_fraction",),
+    sensor=("sensor.areas", "sensor.scale", "sensor.reference_ohm"),
+    quick=("constant", "window_ridge", "window_trees", "naive_bayes", "tree", "sp_resnet"),
+    paper=Paper("sp_resnet", "macro_precision", "precision", 100),
+    twin=Twin("glove_recorded", "Glove: recorded grasps of a robot hand and those of the glove"),
+    purpose={"line_faults": "ingest is there for torn, doubled, missing and swapped lines"},
+    shown={"session": "alike_within", "wander": "load_wander"},
+    studies=("input_frames",),
+)
 
 CLOCK = Column("t_us", "us", -(2.0**31), 2**53, integer=True)
 
@@ -53,6 +77,11 @@ def scanner_format(settings: Mapping) -> Format:
         for k in range(area.cells)
     )
     return Format((CLOCK, *cells), time="t_us")
+
+
+def formats(settings: Mapping, folder: Path | None = None) -> dict[str, Format]:
+    """Return log -> format of its lines, of any folder."""
+    return {LOG: scanner_format(settings)}
 
 
 def any_readings(settings: Mapping) -> Format:
@@ -169,6 +198,16 @@ def images(frames: pa.Table, settings: Mapping) -> dict[str, np.ndarray]:
         per_frame = scale(settings) == PER_FRAME
         pictures[modality] = tactile.normalised(matrix) if per_frame else np.round(matrix).astype(np.uint8)
     return pictures
+
+
+def log_problems(path: Path, rows: pa.Table, settings: Mapping) -> Iterator[str]:
+    """Yield problems of a log that can be read: what counts mean no log can say."""
+    yield from ()
+
+
+def findings(frames: pa.Table, pictures: pa.Table, settings: Mapping) -> Iterator[Finding]:
+    """Yield what all recordings show: how many images of how many objects."""
+    yield Finding(f"{pictures.num_rows} images of {len(set(schemas.names(pictures['condition'])))} objects")
 
 
 def conductance(counts: np.ndarray, reference_ohm: float, levels: float = LEVELS) -> np.ndarray:

@@ -23,6 +23,7 @@ import pyarrow as pa
 
 from pipeline.base import foreign
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Source
 from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
@@ -30,6 +31,28 @@ from pipeline.logs import parse
 from pipeline.logs.report import log_report
 
 KIND = "images"
+FACTS = Facts(
+    label="Recorded grasps",
+    unit="levels",
+    output_unit="probability",
+    metric="accuracy",
+    compared=("grasp_combined",),
+    score="main/combined.macro_precision",
+    sheet="hand",
+    tested={
+        ("grasp_pressure", "pressure"): "pressure",
+        ("grasp_strain", "strain"): "joint angles",
+        ("grasp_combined", "combined"): "pressure and joint angles",
+    },
+    source=Source(
+        repository="peter-kiechle/tactile-sensors",
+        commit="7bbb341b2db445653477b82b908e2ef0175cf926",
+        folder="python/classification/training_grasp_profiles_thesis",
+        licence="GPL-3",
+        size=5_093_550,
+    ),
+    targets={"object": None},
+)
 
 MATRICES = ((14, 6), (13, 6)) * 3  # rows, columns: proximal and distal link of each finger
 CELLS = sum(rows * cols for rows, cols in MATRICES)

@@ -1,6 +1,6 @@
 """Read strain recordings (latent-space paper): the logs of DAQ and robot, as samples at a uniform rate."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +8,36 @@ import pyarrow as pa
 from scipy.stats import theilslopes
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Finding, Panel, Paper, Twin
 from pipeline.datasets import schemas, series
 from pipeline.logs import alignment, layout, parse
 from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "series"
+FACTS = Facts(
+    label="Strain",
+    unit="V",
+    output_unit="mm",
+    metric="error",
+    compared=("task_2",),
+    score="main/task_2.error",
+    sheet="strands",
+    log="daq.log",
+    truth=("robot.log",),
+    layout=("ingest.max_reject_fraction", "ingest.clock", "ingest.max_clock_offset_s", "ingest.min_correlation"),
+    sensor=("sensor.channels", "sensor.unit"),
+    panels=(Panel("Voltage (V)", r"daq", r"u\d+"), Panel("Place (mm)", r"robot", r"[xyz]_mm")),
+    quick=("constant", "ridge", "window_ridge", "window_trees", "press_difference", "lstm_direct"),
+    paper=Paper("latent", "error", "test error", 1),
+    first="run000",
+    twin=Twin("strain_recorded", "Strain: the recorded strands and the finger's"),
+    purpose={
+        "line_faults": "ingest is there for torn, doubled, missing and swapped lines and gaps",
+        "jitter": "the resampling of ingest is there for uneven sampling",
+    },
+    shown={"relaxation": "rest_memory_near", "drift": "drift_over_response", "noise": "noise"},
+)
 
 # Ranges are what no such device can exceed: seconds since its start or since 1970, the DAQ's +-10 V, an arm of 5 m.
 CLOCK = Column("t_s", "s", 0, 4e9)
@@ -45,12 +69,13 @@ LEAST_TRUTH = 0.5  # share of the DAQ's samples that must have ground truth
 # Of the way of z, the share at its top in which no reading changes by more than ANSWER of its range: 0.03 to 0.10 in 24
 # simulated recordings, whose arm stays on the finger, 0.4 to 0.95 where it lifts off by 3 to 40 mm after presses of 5.
 IN_AIR, ANSWER = 0.25, 0.03
+LEAST_MM = 0.2  # an arm that moves less is given in metres
 STEPS, LEAST_OF_STEP = 40, 5  # into which that way is divided, and the readings that a step needs
 STILL = 0.1  # x and y move by less than this share of z where the arm only presses
 
 
-def formats(settings: Mapping) -> dict[str, Format]:
-    """Return file -> format of its lines; settings: the block `strain` of params.yaml."""
+def formats(settings: Mapping, folder: Path | None = None) -> dict[str, Format]:
+    """Return file -> format of its lines, of any folder; settings: the block `strain` of params.yaml."""
     unit = settings["sensor"].get("unit", "V")
     readings = (Column(f"u{k}", unit, *UNITS[unit]) for k in range(settings["sensor"]["channels"]))
     asked = sorted({column for columns in tasks(settings).values() for column in columns})
@@ -62,6 +87,11 @@ def tasks(settings: Mapping) -> dict[str, tuple[int, ...]]:
     """Return task -> columns of x, y, z that are asked for: the paper's, or those of `strain.sensor.tasks`."""
     given = settings["sensor"].get("tasks", {})
     return {name: tuple(sorted(map(AXES.index, axes))) for name, axes in given.items()} or TASKS
+
+
+def shows_loading(path: Path, settings: Mapping) -> bool:
+    """Tell whether the task of a recording asks for one axis, so that the data sheet can be made of it."""
+    return len(tasks(settings).get(path.parent.name, ())) == 1
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
@@ -192,6 +222,21 @@ def check_clock(path: Path, rows: pa.Table) -> None:
             f"{path}: the time steps back for good in line {line}; the clock was set, or the device restarted: divide "
             "the recording there, or record again"
         )
+
+
+def log_problems(path: Path, rows: pa.Table, settings: Mapping) -> Iterator[str]:
+    """Yield problems of a log that can be read: places in metres."""
+    if path.name == "robot.log":
+        axes = [name for name in rows.column_names if name.endswith("_mm")]
+        moves = max(np.ptp(rows[axis].to_numpy()) for axis in axes)
+        if moves < LEAST_MM:
+            yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
+
+
+def findings(frames: pa.Table, series: pa.Table, settings: Mapping) -> Iterator[Finding]:
+    """Yield what all recordings show: whether they are too short."""
+    if frames.num_rows < 10 * settings["window"]["frames"]:
+        yield Finding("the recordings are too short to learn from", wrong=True)
 
 
 def resampled(

@@ -13,11 +13,30 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Source
 from pipeline.datasets import schemas, series
 from pipeline.logs import matlab, parse
 from pipeline.logs.report import log_report
 
 KIND = "series"
+FACTS = Facts(
+    label="Recorded strain sensors",
+    unit="V",
+    output_unit="mm",
+    metric="error",
+    compared=("across_days_xy",),
+    score="main/day_2.error",
+    sheet="recorded_strands",
+    tested={("within_day_xy", "day_1"): "within a day", ("across_days_xy", "day_2"): "across days"},
+    source=Source(
+        repository="tomraven1/sensor_morphology",
+        commit="30718094c8dbbb889c3207f4dc32394166c2821e",
+        folder="experiment/UR5RobotControlV3.2",
+        licence="none given: use the recordings, do not redistribute them",
+        size=5_867_681,
+    ),
+    targets={"x": 0, "y": 1},
+)
 
 FILES = {"day_1": "new_test/para5_long.mat", "day_2": "para5_long_n.mat"}  # 30 and 31 July 2019
 VARIABLES = ("voltage", "tim", "pos", "deformation")  # of the many in the workspace

@@ -11,16 +11,62 @@ import pyarrow as pa
 from scipy.ndimage import median_filter
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Finding, Panel, Paper, Twin
 from pipeline.datasets import labels as labels_kpa
 from pipeline.datasets import schemas, specimens, windowing
 from pipeline.datasets.seeding import generator
-from pipeline.logs import alignment, layout, parse
+from pipeline.logs import alignment, elements, layout, parse
 from pipeline.logs.formats import Column, Format
 from pipeline.logs.report import log_report
 
 KIND = "windows"
 SCORES = "touch"
 STRESSED = ("single", "double")
+FACTS = Facts(
+    label="Touch",
+    unit="counts",
+    output_unit="kPa",
+    metric="rmse",
+    compared=("random_window", "press"),
+    score="main/double.rmse",
+    sheet="array",
+    tested={
+        ("press", "single"): "single touches",
+        ("press", "double"): "double touches",
+        ("press", "single_anew"): "fresh single touches",
+        ("press", "several"): "several touches at once",
+    },
+    log="array.log",
+    truth=("load_cell.log", "cnc.log"),
+    layout=(
+        *("sensor.order", "ingest.max_reject_fraction", "ingest.clock", "ingest.max_clock_offset_s"),
+        *("ingest.min_correlation", "ingest.max_touches"),
+    ),
+    sensor=("sensor.rows", "sensor.cols", "ingest.highest_count"),
+    panels=(
+        Panel("Force (N)", r"load_cell.*", r"fz_n"),
+        Panel(
+            "Array, sum above\nrest (counts)",
+            r"array",
+            r"v\d+",
+            lambda cells: sum(map(alignment.strength_above_rest, cells.T)),
+        ),
+        Panel("Place (mm)", r"cnc.*", r"[xy]_mm"),
+    ),
+    quick=("constant", "window_ridge", "window_trees", "rbf", "lomp"),
+    paper=Paper("lomp", "rmse", "RMSE", 1),
+    twin=Twin("velostat_recorded", "Touch: the recorded Velostat taxel and the array's element"),
+    purpose={"line_faults": "ingest is there for torn, doubled, missing and swapped lines and resets"},
+    shown={
+        "places": "place_spread",
+        "creep": "gain_from_past",
+        "slow_creep": "creep_long",
+        "hysteresis": "loading_loop",
+        "release": "overshoot",
+        "noise": "noise",
+    },
+    studies=("ablation",),
+)
 
 # Ranges are what no such device can exceed: time since its start or since 1970, below 0 where micros() is printed
 # with a sign, a 1 kN load cell, a 2 m CNC.
@@ -45,11 +91,20 @@ SLOWEST_PRESS_HZ, LEAST_PRESS_N = 40.0, 1.0
 PRESSED = 0.1  # of a strong press: force above it is a press, to measure clocks by
 FEWEST_PRESSES = 5  # to measure clocks by: fewer agree by chance
 SHIFTED = 0.1  # of a press; a larger offset of logs said to be of one clock is named
+OUTSIDE = 0.02  # share of contacts that may lie beside the array
+MOST_KPA = 5000  # ten times the pressure on soft sensors
+SMALL = 0.12  # share of the array's sides; contacts that stay within are given in centimetres, or in one place
+TARED = 0.03  # of the highest force, the most that a load cell shows at rest; recorded ones have 0.017, simulated 0.009
 SAME_CLOCK = 0.5  # share of a log's times that occur in another log: by chance about one in 10,000 does
 
 
 class Falls(InputError):
     """The array's counts fall when it is pressed."""
+
+
+def shows_loading(path: Path, settings: Mapping) -> bool:
+    """Tell whether a recording has one load cell, so that the data sheet can be made of it."""
+    return not (path / "load_cell_2.log").exists()
 
 
 def array_format(settings: Mapping) -> Format:
@@ -62,6 +117,17 @@ def array_format(settings: Mapping) -> Format:
     kind = ("counts", 0, ingest["highest_count"]) if whole else ("1", 0, ingest[RESISTANCE])
     readings = (Column(f"v{k}", *kind, integer=whole) for k in range(sensor["rows"] * sensor["cols"]))
     return Format((CLOCK, *readings), time="t_us")
+
+
+def formats(settings: Mapping, folder: Path | None = None) -> dict[str, Format]:
+    """Return log -> format of its lines; folder: of a recording, whose further load cells and CNCs have logs, too."""
+    found = {"array.log": array_format(settings)}
+    for device, fmt in (("load_cell", LOAD_CELL), ("cnc", CNC)):
+        further = sorted(path.name for path in folder.glob(f"{device}_*.log")) if folder else []
+        found |= dict.fromkeys([f"{device}.log", *further], fmt)
+    if settings["sensor"]["rows"] * settings["sensor"]["cols"] == 1 and not (folder and (folder / "cnc.log").is_file()):
+        del found["cnc.log"]  # one element cannot tell a place
+    return found
 
 
 def in_order(counts: np.ndarray, settings: Mapping) -> np.ndarray:
@@ -515,6 +581,112 @@ def _reference_time(rows: pa.Table, clocks: list[alignment.Clock | None]) -> np.
 def _matrix(rows: pa.Table, columns: list[str]) -> np.ndarray:
     """Return columns of one type as (n, columns)."""
     return np.column_stack([rows[name].to_numpy() for name in columns])
+
+
+def log_problems(path: Path, rows: pa.Table, settings: Mapping) -> Iterator[str]:
+    """Yield problems of a log that can be read: wrong units and signs of force and depth."""
+    if "fz_n" in rows.column_names:
+        force = rows["fz_n"].to_numpy()
+        low, at_rest, high = np.percentile(force, [0.5, 10, 99.5])
+        threshold = settings["window"]["contact_threshold_n"]
+        tared = max(TARED * max(high - at_rest, threshold), 2 * (at_rest - low))  # beyond the noise, too
+        if -low > high:
+            yield f"{path}: {PULLED}"
+        elif at_rest <= threshold and abs(at_rest) > min(threshold, tared):
+            yield (
+                f"{path}: fz_n rests at {at_rest:.2g} N, not at 0, so that every force is {abs(at_rest):.2g} N too "
+                f"{'high' if at_rest > 0 else 'low'}; subtract what the load cell shows at rest"
+            )
+        elif at_rest > threshold:
+            yield (
+                f"{path}: fz_n rests at {at_rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "
+                "that presses never end; subtract what the load cell shows at rest"
+            )
+    if path.name == "cnc.log" and not (rows["z_mm"].to_numpy() < 0).any():
+        yield f"{path}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"
+
+
+def findings(frames: pa.Table, windows: pa.Table, settings: Mapping) -> Iterator[Finding]:
+    """Yield what all recordings show: presses, forces and places, and whether elements answer where pressed."""
+    names = schemas.names(windows["condition"])
+    for condition in np.unique(names):
+        inside = names == condition
+        presses = len(np.unique(windows["press"].to_numpy()[inside]))
+        yield Finding(f"{condition}: {presses} presses, {inside.sum()} windows")
+    if absent := [name for name in settings["split"].get("train_on", ["single"]) if name not in names]:
+        yield Finding(
+            f"no folder '{absent[0]}': models learn from the conditions of touch.split.train_on; all others are "
+            "test data",
+            wrong=True,
+        )
+    force, x, y = (schemas.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
+    contact = np.nansum(force, axis=1) > settings["window"]["contact_threshold_n"]
+    if not contact.any():
+        threshold = settings["window"]["contact_threshold_n"]
+        yield Finding(
+            f"no force above {threshold:g} N (the highest is {np.nanmax(force):.2g} N): write fz_n in newtons, "
+            "or lower touch.window.contact_threshold_n",
+            wrong=True,
+        )
+        return
+    sensor = settings["sensor"]
+    size = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
+    highest = float(np.nanmax(force))
+    kpa = float(np.nanmax(labels_kpa.pressure_kpa(force, labels_kpa.tip_radius_mm(frames, settings["label"]))))
+    if kpa > MOST_KPA:
+        yield Finding(
+            f"force up to {highest:.0f} N, {kpa:.0f} kPa under the tip (touch.label.tip_radius_mm "
+            f"{settings['label']['tip_radius_mm']:g}): write fz_n in newtons (grams times 0.00981), or fix the radius",
+            wrong=True,
+        )
+    yield Finding(
+        f"force up to {highest:.1f} N ({kpa:.0f} kPa), "
+        f"x {np.nanmin(x[contact]):.1f} to {np.nanmax(x[contact]):.1f} mm, "
+        f"y {np.nanmin(y[contact]):.1f} to {np.nanmax(y[contact]):.1f} mm; the array is {size[0]:g} x {size[1]:g} mm"
+    )
+    touching = force > settings["window"]["contact_threshold_n"]
+    within = np.ptp(x[touching]), np.ptp(y[touching])
+    if sensor["rows"] * sensor["cols"] > 1 and within[0] < SMALL * size[0] and within[1] < SMALL * size[1]:
+        yield Finding(
+            f"all contacts are within {within[0]:.2g} x {within[1]:.2g} mm of an array of {size[0]:g} x {size[1]:g}: "
+            "write x_mm and y_mm in millimetres, or press in other places too",
+            wrong=True,
+        )
+        return
+    outside = touching & ((x < 0) | (x > size[0]) | (y < 0) | (y > size[1]))
+    exchanged = touching & ((y < 0) | (y > size[0]) | (x < 0) | (x > size[1]))
+    if outside.sum() > OUTSIDE * touching.sum() and exchanged.sum() <= OUTSIDE * touching.sum():
+        yield Finding(
+            f"{100 * outside.sum() / touching.sum():.0f} % of the contacts are beside the array, and none would be if "
+            "x_mm and y_mm changed places: write x, to the right, before y, to the top",
+            wrong=True,
+        )
+    elif outside.sum() > OUTSIDE * touching.sum():
+        yield Finding(
+            f"{100 * outside.sum() / touching.sum():.0f} % of the contacts are beside the array; x_mm and y_mm are 0 "
+            "at its bottom left corner and rise to the right and to the top: shift them, or fix touch.sensor.pitch_mm",
+            wrong=True,
+        )
+    else:
+        said, wrong = elements.order_of_elements(frames, force, x, y, settings)
+        yield from (Finding(text) for text in said)
+        yield from (Finding(text, wrong=True) for text in wrong)
+    yield from (Finding(text) for text in elements.moved_rest(frames, contact))
+
+
+def map_size_problems(settings: Mapping) -> Iterator[str]:
+    """Yield problems: sizes of maps that do not fit this array, each with the key to change."""
+    try:
+        labels_kpa.check_cells(settings["sensor"], settings["label"])
+    except InputError as error:
+        yield str(error)
+    for side in ("rows", "cols") if "lomp" in settings["models"] else ():
+        cells, count = settings["label"][f"map_{side}"], settings["sensor"][side]
+        if cells % count:
+            yield (
+                f"params/touch.yaml, touch.label.map_{side}: {cells} is no multiple of touch.sensor.{side} ("
+                f"{count}), which lomp needs; set {max(1, round(cells / count)) * count}"
+            )
 
 
 def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:

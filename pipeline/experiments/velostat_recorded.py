@@ -8,16 +8,35 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Facts, Source
 from pipeline.datasets import schemas
 from pipeline.experiments import touch
 
 KIND = "windows"
 SCORES = "velostat_recorded"
 STRESSED = ("all",)
+FACTS = Facts(
+    label="Recorded Velostat taxel",
+    unit="counts",
+    output_unit="N",
+    metric="rmse",
+    compared=("repetition",),
+    score="main/all.rmse",
+    sheet="taxel",
+    tested={("repetition", "all"): "all recordings"},
+    pooled=("all",),
+    source=Source(
+        repository="Lupasic/tactile-sensor-velostat",
+        commit="c319860a13fcde964917329370ae31314024a96f",
+        folder="src/experimental_data",
+        licence="none given: use the recordings, do not redistribute them",
+        size=16_927_854,
+    ),
+)
 
 POOLED = "repetition"  # the protocol that fits all recordings together
 
-frames_schema = touch.frames_schema
+formats, frames_schema = touch.formats, touch.frames_schema
 
 
 def recordings(folder: Path) -> list[Path]:

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from pipeline.inference.card import Card
 
 READING = ("sensor", "ingest", "window", "label")  # blocks of an experiment that say how logs become inputs
-FORMATS = {"touch": "array_format", "strain": "formats", "glove": "scanner_format"}  # function of the experiment
-UNITS = {"windows": "counts", "series": "V", "images": "levels"}  # of readings where the settings name none
-OUTPUT_UNITS = {"velostat_recorded": "N", "windows": "kPa", "series": "mm", "images": "probability"}
 LARGEST_INPUT = 1 << 24  # numbers of a window, 64 MB; the largest here has 12,500
 LONGEST_S = 3600.0  # of a window; the longest here lasts 2
 APART_S = 60.0  # from one frame of a window to the next; 0.2 here
@@ -51,8 +48,7 @@ def _facts(card: "Card") -> Iterator[Fact]:
     """Yield what must hold of a card, each after what it builds on."""
     module, reading, inputs, outputs = experiments.module(card.experiment), card.reading, card.inputs, card.outputs
     yield "kind", card.kind == module.KIND, f"of {card.experiment} it is {module.KIND}"
-    if card.experiment in FORMATS:
-        getattr(module, FORMATS[card.experiment])(reading)  # which raises where no log could be read
+    experiments.sensor_format(card.experiment, reading)  # which raises where no log could be read
     schema = module.frames_schema(reading)
     of = images.reading_columns(schema) if card.kind == "images" else ["v"]
     areas = {name: schema.field(name).type.list_size for name in of}
@@ -60,7 +56,7 @@ def _facts(card: "Card") -> Iterator[Fact]:
     yield "inputs.columns", inputs.columns == columns, f"by reading.sensor it is {columns}"
     if "order" in reading.get("sensor", {}):
         module.in_order(np.zeros((0, columns)), reading)
-    unit = reading.get("sensor", {}).get("unit", UNITS[card.kind])
+    unit = reading.get("sensor", {}).get("unit", module.FACTS.unit)
     yield "inputs.unit", inputs.unit == unit, f"by reading.sensor it is {unit}"
     step = reading["window"].get("frame_step", 1)
     yield "inputs.frame_step", inputs.frame_step == step, f"by reading.window it is {step}"
@@ -73,7 +69,7 @@ def _facts(card: "Card") -> Iterator[Fact]:
     yield "inputs.interval_s", apart <= APART_S, f"frames would be {apart:.3g} s apart, more than {APART_S:g}"
     span = card.shapes.frames * step * inputs.interval_s
     yield "inputs.interval_s", span <= LONGEST_S, f"a window would last {span:.3g} s, more than {LONGEST_S:g}"
-    unit = OUTPUT_UNITS.get(card.experiment, OUTPUT_UNITS[card.kind])
+    unit = module.FACTS.output_unit
     yield "outputs.unit", outputs.unit == unit, f"of {card.experiment} it is {unit}"
     yield "outputs.touch_kpa", (outputs.touch_kpa is None) == (unit != "kPa"), "maps in kPa have one, others none"
     yield "outputs.force_gain", outputs.force_gain is None or unit == "kPa", "only maps in kPa have one"

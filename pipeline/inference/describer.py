@@ -36,7 +36,7 @@ class Describer:
         times = _table(workspace.frames(experiment), ["t_s"])["t_s"].to_numpy()
         self._inputs = cards.Inputs(
             columns=sum(schema.field(name).type.list_size for name in self._columns),
-            unit=settings.get("sensor", {}).get("unit", consistent.UNITS[self.kind]),
+            unit=settings.get("sensor", {}).get("unit", experiments.facts(experiment).unit),
             order=ORDERS[self.kind],
             interval_s=round(float(np.median(np.diff(times))), 6),
             frame_step=settings["window"].get("frame_step", 1),
@@ -82,7 +82,7 @@ class Describer:
             from pipeline.learning.image_classifier import spec_of
 
             spec = spec_of(len(names), images.shape(settings))
-        unit = consistent.OUTPUT_UNITS.get(experiment, consistent.OUTPUT_UNITS[self.kind])
+        unit = experiments.facts(experiment).output_unit
         return cards.Card(
             experiment=experiment,
             kind=self.kind,

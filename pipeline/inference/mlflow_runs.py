@@ -26,6 +26,7 @@ from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
+from pipeline.experiments import facts
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_store
 from pipeline.reporting.words import labels
@@ -52,14 +53,6 @@ ABOUT = (
     "the test part in the unit of the tag `unit.<metric>`, `published/` what the paper prints, in that unit, on its "
     "own split, `seeds/` each seed's score, with the seed as the step. The duration is that of training."
 )
-MAIN = {  # experiment -> protocols of which the first that was run is compared, the paper's own before the strict one
-    "touch": (("random_window", "press"), "main/double.rmse"),
-    "velostat_recorded": (("repetition",), "main/all.rmse"),
-    "strain": (("task_2",), "main/task_2.error"),
-    "strain_recorded": (("across_days_xy",), "main/day_2.error"),
-    "glove": (("random_frames_combined", "session_combined"), "main/combined.macro_precision"),
-    "glove_recorded": (("grasp_combined",), "main/combined.macro_precision"),
-}
 NOT_TAKEN = re.compile(r"[^\w.\- ]")  # letters that MLflow does not take in a metric's name
 
 
@@ -215,7 +208,7 @@ def log(workspace: Workspace, client, experiment: str, values: Mapping, runs: li
         for tag, mark in marks.get(run.info.run_id, {"current": "false", "shown": "false"}).items():
             if run.data.tags.get(tag) != mark:
                 client.set_tag(run.info.run_id, tag, mark)
-    protocols, score = MAIN.get(experiment, ((), ""))
+    protocols, score = facts(experiment).compared, facts(experiment).score
     protocol = next((at for at in protocols if any(run.tags["protocol"] == at for run in runs)), "")
     first = next((run for run in runs if run.tags["protocol"] == protocol), runs[0])
     score = score if score in [name for name, _, _ in first.points] else first.points[0][0]

@@ -18,16 +18,15 @@ from pipeline.base import correlation, files, processes
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.datasets.series import Record
+from pipeline.experiments import log_name, sensor_format
 from pipeline.inference import timing
 from pipeline.inference.card import Card
 from pipeline.inference.predictor import Predictor
 from pipeline.logs import layout, packets, parse, sources, unmeasured
-from pipeline.logs.formats import LOGS, second
+from pipeline.logs.formats import second
 from pipeline.scoring import classification, metrics
 from pipeline.targets import kept
-from pipeline.targets.read import FORMATS
 
-TRUTH = {"touch": ("load_cell.log", "cnc.log"), "strain": ("robot.log",)}  # logs beside the sensor's
 OF_ONE_ELEMENT = ("load_cell.log",)  # which cannot tell a place
 SIMULATED = "simulated"  # as a source of logs
 TRAIN, TEST = "train", "test"  # parts of a split
@@ -58,13 +57,13 @@ def logs(place: Path, experiment: str) -> list[Path]:
     Public recordings are those that their experiment finds, in the folder or in one around or in it.
     """
     if not place.exists():
-        wanted = f"{LOGS[experiment]} in it" if experiment in LOGS else f"recordings of {experiment} in it"
+        wanted = f"{log_name(experiment)} in it" if log_name(experiment) else f"recordings of {experiment} in it"
         raise InputError(f"{place}: not found; name a log or a folder with {wanted}")
-    if experiment not in LOGS:
+    if not log_name(experiment):
         return [place] if place.is_file() else _recorded(place, experiment)
-    pattern = LOGS[experiment]
+    pattern = log_name(experiment)
     if place.is_file():
-        if experiment == "glove" and place.name != pattern:
+        if tasks.kind(experiment) == "images" and place.name != pattern:
             raise InputError(f"{place}: a log of {experiment} is called {pattern}; name such a log, or its folder")
         return [place]
     logs_ = sorted(files.finished(place.rglob(pattern)))
@@ -110,7 +109,7 @@ def names(place: Path, logs_: Sequence[Path], experiment: str) -> list[str]:
 
 def without_log(path: Path, experiment: str) -> Path:
     """Return the folder of a log that is called as the experiment's, else the log's path without its suffix."""
-    return path.parent if path.name == LOGS.get(experiment) else path.with_suffix("")
+    return path.parent if path.name == log_name(experiment) else path.with_suffix("")
 
 
 def absolute(place: Path) -> Path:
@@ -126,19 +125,19 @@ def read(path: Path, name: str, card: Card) -> Recording:
     experiment, settings = card.experiment, card.reading
     module = experiments.module(experiment)
     limit = f"{experiment}.ingest.max_reject_fraction"
-    if experiment not in LOGS or experiment == "glove":
-        frames, rejects, _ = module.read_recording(path.parent if experiment in LOGS else path, settings)
+    if not log_name(experiment) or module.KIND == "images":
+        frames, rejects, _ = module.read_recording(path.parent if log_name(experiment) else path, settings)
         recording = _of_frames(path, name, frames, rejects, card)
-        known = FORMATS[experiment](settings).names[1:] if experiment in LOGS else ()
+        known = sensor_format(experiment, settings).names[1:] if log_name(experiment) else ()
         columns = known or [f"column {k}" for k in range(recording.x.shape[1])]
         return compared(looked_at(recording, columns), card, columns)
-    fmt = FORMATS[experiment](settings)
-    ingest, laid_out = settings["ingest"], layout.of(settings["ingest"], LOGS[experiment])
+    fmt = sensor_format(experiment, settings)
+    ingest, laid_out = settings["ingest"], layout.of(settings["ingest"], log_name(experiment))
     rows, rejects = parse.read_log(path, fmt, limit=ingest["max_reject_fraction"], key=limit, layout=laid_out)
     time = rows[fmt.time].to_numpy() / second(fmt)
     values = np.column_stack([rows[column].to_numpy() for column in fmt.names[1:]])
     condition = path.parent.parent.name
-    if experiment == "strain":
+    if module.KIND == "series":
         module.check_clock(path, rows)
         nowhere = np.full((len(time), 3), np.nan)
         frames = module.resampled(condition, path.parent.name, time, values, nowhere, settings["ingest"])
@@ -182,9 +181,10 @@ def _readings(frames: pa.Table, card: Card) -> np.ndarray:
     """
     names = ["v"] if "v" in frames.column_names else images.reading_columns(frames.schema)
     readings = np.concatenate([schemas.matrix(frames[name]) for name in names], axis=1)
-    if card.experiment != "strain_recorded":
+    module = experiments.module(card.experiment)
+    if not hasattr(module, "channels"):
         return readings
-    of_day = experiments.module(card.experiment).channels(card.protocol, schemas.names(frames["condition"])[0])
+    of_day = module.channels(card.protocol, schemas.names(frames["condition"])[0])
     placed = np.full_like(readings, np.nan)
     placed[:, card.inputs.chosen] = readings[:, of_day]
     return placed
@@ -262,11 +262,11 @@ def has_truth(recording: Recording, card: Card) -> bool:
     """
     if card.kind == "images":
         return recording.condition in card.outputs.names
-    if card.experiment not in LOGS:
+    if not log_name(card.experiment):
         return True
-    if recording.path.name != LOGS[card.experiment]:
+    if recording.path.name != log_name(card.experiment):
         return False
-    wanted = TRUTH.get(card.experiment, ())
+    wanted = experiments.facts(card.experiment).truth
     if card.kind == "windows" and card.shapes.rows * card.shapes.cols == 1:
         wanted = OF_ONE_ELEMENT
     return all((recording.path.parent / name).is_file() for name in wanted)
@@ -330,7 +330,7 @@ def scores(model: Predictor, path: Path) -> list[metrics.Row]:
     """
     card, settings = model.card, model.card.reading
     module, task = experiments.module(card.experiment), tasks.of(card.experiment)
-    place = path.parent if card.experiment in LOGS else path
+    place = path.parent if log_name(card.experiment) else path
     frames, _, _ = module.read_recording(place, settings)
     if card.kind == "windows":
         return _scores_of_windows(model, module, task, frames, settings)

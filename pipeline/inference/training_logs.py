@@ -9,9 +9,9 @@ from pipeline.base import files, foreign, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import MODEL_ZERO, Workspace
 from pipeline.datasets import schemas
+from pipeline.experiments import facts, log_name
 from pipeline.inference.card import Card, Log
 from pipeline.logs import sources
-from pipeline.logs.formats import LOGS
 
 
 def digests(workspace: Workspace, settings: Mapping, experiment: str) -> dict[str, str] | None:
@@ -30,7 +30,7 @@ def digests(workspace: Workspace, settings: Mapping, experiment: str) -> dict[st
         recordings = experiments.module(experiment).recordings(_raw(workspace, settings, experiment))
     except InputError:  # no recording is there
         return None
-    logs = [path / LOGS[experiment] if experiment in LOGS else path for path in recordings]
+    logs = [path / log_name(experiment) if log_name(experiment) else path for path in recordings]
     if len(names) != len(logs):
         return None
     return {name: files.content_sha256(path) for name, path in zip(names, logs, strict=True)}
@@ -38,7 +38,7 @@ def digests(workspace: Workspace, settings: Mapping, experiment: str) -> dict[st
 
 def _raw(workspace: Workspace, settings: Mapping, experiment: str) -> Path:
     """Return the folder of the raw logs that an experiment reads."""
-    if experiment in sources.SOURCES:
+    if facts(experiment).source:
         return sources.folder(workspace, experiment)
     source = settings["source"]
     return workspace.logs(experiment) if source == "simulated" else workspace.root / source

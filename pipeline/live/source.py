@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline import experiments
 from pipeline.base.errors import InputError
+from pipeline.experiments import sensor_format
 from pipeline.inference.card import Card
 from pipeline.logs import layout, parse
-from pipeline.logs.formats import LOGS, Format
-from pipeline.targets.read import FORMATS
+from pipeline.logs.formats import Format
 
 LONGEST_LINE = 1 << 16  # bytes of a line, at least; more without a line end are thrown away: a wrong baud rate
 LONGEST_COLUMN = 64  # bytes of a column, its separator, blanks and words beside it included
@@ -32,17 +33,19 @@ class Reading(NamedTuple):
 
 def line_format(card: Card) -> Format:
     """Return the format of the lines that a model's sensor prints; InputError for data that no device prints."""
-    if card.experiment not in FORMATS:
+    fmt = sensor_format(card.experiment, card.reading)
+    if fmt is None:
         raise InputError(
             f"{card.experiment}/{card.model}: is of recordings that are no log of lines; take a model of touch, strain "
             "or glove"
         )
-    return FORMATS[card.experiment](card.reading)
+    return fmt
 
 
 def line_layout(card: Card) -> Mapping | None:
     """Return the layout of the lines that a model's sensor prints, None for the usual one."""
-    return layout.of(card.reading.get("ingest", {}), LOGS.get(card.experiment, LOGS["touch"]))
+    log, *_ = experiments.module(card.experiment).formats(card.reading)
+    return layout.of(card.reading.get("ingest", {}), log)
 
 
 class Lines:

@@ -15,7 +15,6 @@ DUPLICATE = "duplicate"
 OUT_OF_ORDER = "out of order"
 UNIT = "another unit"  # beside a reading than in the first row, or none
 REPEATED = "time repeats"  # the time of the line before, with other values
-LOGS = {"touch": "array.log", "strain": "daq.log", "glove": "scanner.log"}  # experiment -> the sensor's log
 REASONS = (
     *(EMPTY, UNREADABLE, TEXT, COLUMNS, NOT_A_NUMBER, NOT_AN_INTEGER),
     *(OUT_OF_RANGE, DUPLICATE, OUT_OF_ORDER, REPEATED, UNIT),

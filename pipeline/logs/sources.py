@@ -1,48 +1,17 @@
 """List the public recordings that a user downloads by name; their licences keep them out of this repository.
 
-A source is a list of files at one pinned commit of a public repository. The SHA-256 of every file is in
-`pipeline/logs/<name>.sha256`, one line `<digest>  <path>` per file, as `sha256sum` writes it.
+A source is a list of files at one pinned commit of a public repository, which the facts of its experiment name. The
+SHA-256 of every file is in `pipeline/logs/<name>.sha256`, one line `<digest>  <path>` per file, as `sha256sum` writes
+it.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
 from pipeline.base.errors import InputError
+from pipeline.base.facts import Source
 from pipeline.base.files import sha256
 from pipeline.base.paths import Workspace
-
-
-@dataclass(frozen=True)
-class Source:
-    """The origin of a set of recordings; `folder`: the repository's folder in which the paths of its files start."""
-
-    repository: str
-    commit: str
-    folder: str
-    licence: str
-
-
-SOURCES = {
-    "velostat_recorded": Source(
-        repository="Lupasic/tactile-sensor-velostat",
-        commit="c319860a13fcde964917329370ae31314024a96f",
-        folder="src/experimental_data",
-        licence="none given: use the recordings, do not redistribute them",
-    ),
-    "strain_recorded": Source(
-        repository="tomraven1/sensor_morphology",
-        commit="30718094c8dbbb889c3207f4dc32394166c2821e",
-        folder="experiment/UR5RobotControlV3.2",
-        licence="none given: use the recordings, do not redistribute them",
-    ),
-    "glove_recorded": Source(
-        repository="peter-kiechle/tactile-sensors",
-        commit="7bbb341b2db445653477b82b908e2ef0175cf926",
-        folder="python/classification/training_grasp_profiles_thesis",
-        licence="GPL-3",
-    ),
-}
 
 
 def files(name: str) -> dict[str, str]:
@@ -51,9 +20,8 @@ def files(name: str) -> dict[str, str]:
     return {path: digest for digest, path in (line.split(maxsplit=1) for line in lines)}
 
 
-def address(name: str, path: str) -> str:
+def address(origin: Source, path: str) -> str:
     """Return the public address of one file, at the pinned commit."""
-    origin = SOURCES[name]
     place = quote(f"{origin.folder}/{path}")
     return f"https://raw.githubusercontent.com/{origin.repository}/{origin.commit}/{place}"
 

@@ -36,8 +36,8 @@ What every model provides
 What depends on the kind of input
 ---------------------------------
 * Windows: `fit(train, validation, *, seed, device="auto", progress=None)`; each part is (x, y), x (n, frames, elements)
-  in ADC counts and y (n, outputs) in kPa (velostat_recorded: N). Losses are in units of y squared. `predict(x)` takes
-  windows. `streams` is False.
+  in ADC counts and y (n, outputs) in kPa (of the recorded taxel in N). Losses are in units of y squared. `predict(x)`
+  takes windows. `streams` is False.
 * Windows of a streaming model, which has `streams` True: parts are (x, y, previous), previous (n,) the index of the
   window that ends just before each window starts, or -1. `predict(x, previous=None)` carries states along `previous`;
   `step(frame)` takes the next frame (n, elements) of n parallel streams and returns maps (n, outputs).

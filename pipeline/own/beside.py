@@ -13,23 +13,12 @@ import numpy as np
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images
+from pipeline.experiments import facts, log_name
 from pipeline.logs import layout
-from pipeline.logs.formats import LOGS
 from pipeline.own import settings as own_settings
 
 LEVELS = 3  # folders above a log in which the settings may lie: <folder>/<condition>/<recording>/array.log
 ORDER, FORMAT = "sensor.order", "ingest.format"
-ALIGNED = ("ingest.max_reject_fraction", "ingest.clock", "ingest.max_clock_offset_s", "ingest.min_correlation")
-LAYOUT = {  # keys that say how logs are printed, and not what printed them
-    "touch": (ORDER, *ALIGNED, "ingest.max_touches"),
-    "strain": ALIGNED,
-    "glove": ("ingest.max_reject_fraction",),
-}
-SENSOR = {  # keys that say what printed them
-    "touch": ("sensor.rows", "sensor.cols", "ingest.highest_count"),
-    "strain": ("sensor.channels", "sensor.unit"),
-    "glove": ("sensor.areas", "sensor.scale", "sensor.reference_ohm"),
-}
 OF_MAPS = ("sensor.pitch_mm", "sensor.element_mm")  # of touch, for models that tell places
 USUAL = {"sensor.unit": "V", "sensor.scale": "frame", ORDER: [], "ingest.clock": "own"}  # of keys that may be left out
 RISES = "rises_when_pressed"
@@ -49,7 +38,7 @@ class Beside:
 
         Raises InputError where the settings are wrong, or are of another sensor than the model's.
         """
-        above = list(log.absolute().parents)[:LEVELS] if self.experiment in LOGS else []
+        above = list(log.absolute().parents)[:LEVELS] if log_name(self.experiment) else []
         folder = next((folder for folder in above if (folder / own_settings.FILE).is_file()), None)
         return self.reading if folder is None else self.of_folder(folder)
 
@@ -69,7 +58,7 @@ class Beside:
         def has(dotted: str) -> bool:
             return any(name == key(dotted) or name.startswith(f"{key(dotted)}.") for name in given)
 
-        for dotted in (*SENSOR[self.experiment], *(OF_MAPS if "label" in self.reading else ())):
+        for dotted in (*facts(self.experiment).sensor, *(OF_MAPS if "label" in self.reading else ())):
             here, trained = (_value(block, dotted) for block in (resolved, self.reading))
             if has(dotted) and trained is not None and here != trained:
                 raise InputError(
@@ -77,7 +66,7 @@ class Beside:
                     f"{_text(trained)}; take a model of this sensor, or correct the key"
                 )
         merged, changed = {name: dict(block) for name, block in self.reading.items()}, []
-        for dotted in LAYOUT[self.experiment]:
+        for dotted in facts(self.experiment).layout:
             here, trained = (_value(block, dotted) for block in (resolved, self.reading))
             block, _, name = dotted.partition(".")
             if has(dotted):
@@ -87,7 +76,7 @@ class Beside:
                 self.said.append(f"{where} does not say {key(ORDER)}: taken as {self.who} was trained")
         if has(FORMAT):
             changed += list(self._format(where, resolved["ingest"]["format"], merged.setdefault("ingest", {})))
-        elif layout.of(self.reading.get("ingest", {}), LOGS[self.experiment]):
+        elif layout.of(self.reading.get("ingest", {}), log_name(self.experiment)):
             self.said.append(f"{where} does not say {key(FORMAT)}: taken as {self.who} was trained")
         self._check_order(where, merged)
         if changed:
@@ -100,7 +89,7 @@ class Beside:
         Raises InputError where the sensor's readings fall when pressed, and those of the training did not, or the
         other way round.
         """
-        key, log = f"{self.experiment}.{FORMAT}", LOGS[self.experiment]
+        key, log = f"{self.experiment}.{FORMAT}", log_name(self.experiment)
         here, trained = layout.of({"format": formats}, log), layout.of(ingest, log)
         signs = [(block or {}).get(RISES, True) for block in (here, trained)]
         if here is not None and signs[0] != signs[1]:
@@ -116,7 +105,7 @@ class Beside:
 
     def _check_order(self, where: str, reading: Mapping) -> None:
         """Raise InputError where an order does not name each printed column once."""
-        order = _value(reading, ORDER) if self.experiment == "touch" else []
+        order = _value(reading, ORDER) if ORDER in facts(self.experiment).layout else []
         elements = reading["sensor"]["rows"] * reading["sensor"]["cols"] if order else 0
         if sorted(order) != list(range(elements)):
             raise InputError(

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
@@ -20,12 +21,12 @@ FILE = "settings.yaml"  # in a folder of logs
 ASKED = tuple(Asked.model_fields)  # blocks of a target of one's own, which belong to no experiment
 SEEDS = [0, 1, 2]
 SMALLEST_IMAGE = 8  # pixels of a side; the networks halve an image two to five times
-YARDSTICKS = {  # of every sensor of one's own, in no table of the papers
-    experiment: {
+YARDSTICKS = {  # kind of input -> models of every sensor of one's own, in no table of the papers
+    kind: {
         "window_trees": {"trees": 20, "min_samples_leaf": leaf},
-        "window_ridge": {"parts": 4, "shares": experiment == "glove"},
+        "window_ridge": {"parts": 4, "shares": kind == "images"},
     }
-    for experiment, leaf in (("touch", 20), ("strain", 5), ("glove", 1))  # a leaf of touch holds a whole map
+    for kind, leaf in (("windows", 20), ("series", 5), ("images", 1))  # a leaf of touch holds a whole map
 }
 # For sensors of a few channels, whose image is no picture.
 WITHOUT_NETWORKS = ("constant", "naive_bayes", "tree", "window_trees", "window_ridge")
@@ -146,14 +147,15 @@ def _following(experiment: str, block: Mapping, seeds: Sequence[int]) -> dict:
     each = {"seeds": list(seeds)}
     of_protocols = block["protocols"].items()
     protocols = {key: dict(value) | each for key, value in of_protocols if not key.startswith(OVERLAPPING)}
-    known = dict(block["models"]) | YARDSTICKS[experiment]
+    kind = experiments.module(experiment).KIND
+    known = dict(block["models"]) | YARDSTICKS[kind]
     changed = {}
-    if experiment == "strain":
+    if kind == "series":
         protocols = dict.fromkeys(block["sensor"].get("tasks") or protocols, each)
         if block["sensor"].get("pressed_below_mm") is not None:
             known[OF_PRESSES] = TREES | {"press": block["window"]["frames"] - max(press_difference.REST)}
-    if experiment == "glove":
-        changed["glove.window.stride"] = 1
+    if kind == "images":
+        changed[f"{experiment}.window.stride"] = 1
         protocols = {f"session_{name}": each for name in images.modalities(block)}
     of_all = {"budget": 1.0, "protocols": protocols, "models": known}
     return changed | {f"{experiment}.{key}": value for key, value in of_all.items()}
@@ -161,7 +163,7 @@ def _following(experiment: str, block: Mapping, seeds: Sequence[int]) -> dict:
 
 def _is_no_picture(block: Mapping, experiment: str) -> bool:
     """Tell whether the images of a glove or mat are too small for networks; block: settings of the experiment."""
-    return experiment == "glove" and min(images.shape(block)) < SMALLEST_IMAGE
+    return experiments.module(experiment).KIND == "images" and min(images.shape(block)) < SMALLEST_IMAGE
 
 
 def of_logs(workspace: Workspace, experiment: str, folder: Path) -> dict:

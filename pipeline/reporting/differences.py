@@ -13,11 +13,6 @@ FITTING = {
     "series": ["lstm", "series_regressors"],
     "images": ["image_classifier"],
 }  # by kind of input
-SCENES = {
-    "touch": ["scenes/touch", "scenes/touch_contact", "scenes/touch_motion"],
-    "strain": ["scenes/strain"],
-    "glove": ["scenes/glove", "reporting/glove"],
-}  # the files that write an experiment's simulated logs, draw its laws, or say what the paper leaves open
 
 
 def of_experiment(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
@@ -25,10 +20,17 @@ def of_experiment(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
     names = [
         *(f"learning/{name}" for name in FITTING[experiments.module(experiment).KIND]),
         f"experiments/{experiment}",
-        *SCENES.get(experiment, []),
+        *written_for(experiment),
         *(f"models/{model}" for model in settings["models"]),
     ]
     return read(paths.CODE, (f"{name}.py" for name in names))
+
+
+def written_for(experiment: str) -> list[str]:
+    """Return the files that write an experiment's simulated logs, draw its laws, or say what the paper leaves open."""
+    found = [path for name in (f"{experiment}.py", f"{experiment}_*.py") for path in (paths.CODE / "scenes").glob(name)]
+    found += (paths.CODE / "reporting").glob(f"{experiment}.py")
+    return [path.relative_to(paths.CODE).with_suffix("").as_posix() for path in found]
 
 
 def read(folder: Path, names: Iterable[str]) -> list[tuple[str, str]]:

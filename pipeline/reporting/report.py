@@ -10,6 +10,7 @@ import pandas as pd
 
 from pipeline.base import files, paths
 from pipeline.base.paths import Workspace
+from pipeline.experiments import facts
 from pipeline.reporting import differences
 from pipeline.reporting.claims import tables_of
 from pipeline.reporting.words import templates
@@ -43,8 +44,8 @@ class Report:
         )
         self._variants = {name for name, each in sets.items() if each.variant}
         self._sets = {protocol: each for each in sets.values() if not each.variant for protocol in each.protocols}
-        paper, *_ = published.SCORES.get(experiment, ("",)) if self.simulated else ("",)
-        rows = published.table(paper).itertuples()
+        paper = facts(experiment).paper if self.simulated else None
+        rows = published.table(paper.key if paper else "").itertuples()
         self._printed = {(row.condition, row.model, row.variant, row.metric): (row.value, row.step) for row in rows}
         self._claims: Callable[..., str] = tables_of(workspace, experiment, self.results)
         self._differences = differences.of_experiment(experiment, settings)

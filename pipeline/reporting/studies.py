@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline import experiments
 from pipeline.base import files
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
+from pipeline.experiments import facts
 from pipeline.reporting import tables
 from pipeline.reporting.figures import physics as physics_figures
 from pipeline.reporting.figures import sizes as sizes_figures
@@ -23,7 +25,14 @@ from pipeline.reporting.figures import twins as twins_figures
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.reporting.verdicts import stability as stability_verdicts
-from pipeline.reporting.words.labels import capitalised, condition_name, experiment_name, perturbation, task_name
+from pipeline.reporting.words.labels import (
+    MEASURES,
+    capitalised,
+    condition_name,
+    experiment_name,
+    perturbation,
+    task_name,
+)
 from pipeline.reporting.words.markdown import number
 from pipeline.reporting.words.templates import render
 from pipeline.scoring import ladders, one_table, results, shards
@@ -32,11 +41,6 @@ from pipeline.scoring.variants import effects
 
 JOINED = {"single_anew": "single", "several": "double"}  # conditions that are drawn in the figure of another one
 STRESS = ["experiment", *stability_verdicts.KEY, "metric", "value"]  # of reports/stress.csv
-TWIN_TITLES = {
-    "touch": "Touch: the recorded Velostat taxel and the array's element",
-    "strain": "Strain: the recorded strands and the finger's",
-    "glove": "Glove: recorded grasps of a robot hand and those of the glove",
-}
 TWINS = ["statistic", "unit", "source", "recording", "value", "meaning", "note"]  # of data/<experiment>/twins.csv
 SIDES = ("recorded", "simulated")
 SUMMARY = ["experiment", "statistic", "unit", *(f"{side}{end}" for side in SIDES for end in ("", "_low", "_high"))]
@@ -70,8 +74,10 @@ def stability(workspace: Workspace, folder: Path, values: Mapping) -> None:
 
 def stability_figures_of(runs: pd.DataFrame, judged: pd.DataFrame, experiment: str, folder: Path) -> list[dict]:
     """Draw an experiment's heat maps and curves, and return what its part of the report holds, by condition."""
-    _, error, unit = stability_verdicts.ERRORS[experiment]
-    ylabel = "Share of images classified incorrectly" if unit == "1" else f"{error} ({unit})"
+    own = facts(experiment)
+    ylabel = f"{MEASURES[own.metric]} ({own.output_unit})"
+    if own.metric == "accuracy":
+        ylabel = "Share of images classified incorrectly"
     panels: dict[tuple[str, str], list] = {}
     for (protocol, condition, name), models in stability_verdicts.curves(runs).items():
         label, axis, _ = perturbation(name)
@@ -150,7 +156,7 @@ def physics(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFrame
             continue
         switches = values[experiment]["simulate"]["effects"]
         own = pd.DataFrame(physics_verdicts.report_rows(experiment, physics_verdicts.assess(scores), switches))
-        error, unit, _ = tables.PHYSICS[experiment]
+        error, unit, _ = tables.physics_error(experiment)
         drawn = f"{title}: an effect of the scene left out"
         physics_figures.matrices(folder / f"{experiment}.png", drawn, own, f"{error} in {unit}")
         parts.append(
@@ -175,7 +181,7 @@ def twins(workspace: Workspace, folder: Path, _: Mapping) -> pd.DataFrame:
     former = workspace.reports / "twins"
     measured = {
         name: results.read_csv(workspace.twins(name), TWINS, f"python -m pipeline.stages.twins {name}")
-        for name in TWIN_TITLES
+        for name in experiments.having("twin")
     }
     absent = [name for name, table in measured.items() if "recorded" not in set(table["source"])]
     kept, parts, together = kept_rows(former.with_suffix(".csv"), absent), [], []
@@ -183,14 +189,15 @@ def twins(workspace: Workspace, folder: Path, _: Mapping) -> pd.DataFrame:
         before, figure = kept[kept["experiment"] == name], f"{name}.png"
         summary = summarised(name, table, before) if len(table) else as_summary(before)
         if set(SIDES) <= set(table["source"]):
-            twins_figures.positions(folder / figure, TWIN_TITLES[name], table, summary)
+            twins_figures.positions(folder / figure, facts(name).twin.title, table, summary)
         elif summary["inside"].notna().any() and (former / figure).is_file():
             shutil.copy(former / figure, folder)
         known = summary["inside"].notna().any()
         missing = "The recordings were not fetched" if summary["recorded"].isna().all() else ""
         reason = "" if known else missing or "The data are your own logs, not simulated"
         drawn = figure if (folder / figure).is_file() else ""
-        parts.append({"title": TWIN_TITLES[name], "reason": reason, "figure": drawn, "table": tables.twins(summary)})
+        title = facts(name).twin.title
+        parts.append({"title": title, "reason": reason, "figure": drawn, "table": tables.twins(summary)})
         together.append(summary)
     files.write_text(folder / "README.md", render("twins", parts=parts))
     return pd.concat(together, ignore_index=True)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from pipeline.experiments import facts
 from pipeline.reporting.verdicts import stability as stability_verdicts
 from pipeline.reporting.verdicts.sizes import NAMES, SCALES, error_of, unit_of
 from pipeline.reporting.verdicts.stability import FAILED, HOLDS, WORSE
@@ -13,8 +14,7 @@ from pipeline.reporting.words.labels import capitalised, effect_name, model_name
 from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.results import Estimate
 
-PHYSICS = {"touch": ("RMSE", "kPa", 1), "strain": ("distance", "mm", 1)}  # name and unit of an error, times what
-PHYSICS |= {"glove": ("images classified incorrectly", "%", 100)}
+PHYSICS = {"rmse": "RMSE", "error": "distance", "accuracy": "images classified incorrectly"}  # metric -> the error
 TWIN_UNITS = {"1": "-", "log": "log of the reading", "deg": "degrees"}
 
 
@@ -103,9 +103,15 @@ def physics(judged: pd.DataFrame) -> Table:
     return Table([*header, "Pairs of models that change places", "Verdict", "What follows"], rows)
 
 
+def physics_error(experiment: str) -> tuple[str, str, int]:
+    """Return the name and the unit of an experiment's error, and how many of these one of physics.csv is."""
+    metric, unit = facts(experiment).metric, facts(experiment).output_unit
+    return (PHYSICS[metric], "%", 100) if metric == "accuracy" else (PHYSICS[metric], unit, 1)
+
+
 def physics_errors(judged: pd.DataFrame) -> Table:
     """Return the geometric mean of each model's error with all effects; judged: an experiment's rows of physics.csv."""
-    _, unit, times = PHYSICS[judged["experiment"].iloc[0]]
+    _, unit, times = physics_error(judged["experiment"].iloc[0])
     first = judged[judged["effect"] == judged["effect"].iloc[0]]
     before = first.pivot(index="model", columns="condition", values="before")
     conditions, models = dict.fromkeys(first["condition"]), dict.fromkeys(first["model"])

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
+from pipeline import experiments
 from pipeline.base import params, paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, labels, schemas
@@ -28,12 +29,13 @@ Row = Mapping[str, object]
 
 
 def rows(workspace: Workspace, experiment: str, settings: Mapping) -> pd.DataFrame:
-    """Return the rows of one of EXPERIMENTS, of COLUMNS; settings: its block of settings.
+    """Return the rows of an experiment of a paper, of COLUMNS; settings: its block of settings.
 
     What is derived from predictions is of the look; a study has no budget but its own.
     """
-    derived = [{"budget": LOOK, **row} for row in EXPERIMENTS[experiment](workspace, settings)]
-    derived += STUDIES[experiment](workspace, settings) if experiment in STUDIES else []
+    module = experiments.module(experiment)
+    derived = [{"budget": LOOK, **row} for row in DERIVED[module.KIND](workspace, settings)]
+    derived += [row for study in module.FACTS.studies for row in STUDIES[study](workspace, settings)]
     derived = [{"experiment": experiment, "n": 1, **row} for row in derived]
     return pd.DataFrame(derived, columns=COLUMNS).astype({"seed": "Int64"})
 
@@ -205,5 +207,5 @@ def by_frames(table: pd.DataFrame) -> Iterator[Row]:
         }  # fmt: skip
 
 
-EXPERIMENTS = {"touch": touch, "strain": strain, "glove": glove}
-STUDIES = {"touch": touch_studies, "glove": glove_studies}
+DERIVED = {"windows": touch, "series": strain, "images": glove}  # by kind of input
+STUDIES = {"ablation": touch_studies, "input_frames": glove_studies}

@@ -70,7 +70,7 @@ def half_width(
 def root(predicted: np.ndarray, floor: float) -> np.ndarray:
     """Return sqrt(prediction + floor), a scale for quantities from 0 up, whose floor is what is just noticed; (n,).
 
-    Of presses on arrays (`dvc repro`, three models each of touch and velostat_recorded), intervals of this scale were
+    Of presses on arrays (`dvc repro`, three models each of touch and the recorded taxel), intervals of this scale were
     on average the narrowest, and held the truth about as often in the lowest as in the highest third of predictions;
     those of a scale of 1 held it too seldom of hard presses, those of prediction + floor too seldom of light ones.
     """

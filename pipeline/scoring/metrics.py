@@ -11,7 +11,6 @@ from pipeline.datasets import labels
 from pipeline.datasets.series import Record
 
 TIE_KPA = 0.01  # cells that differ by less are equally high: of labels up to 400 kPa in float32, none that tie do
-POOLED = {"velostat_recorded": ("all",)}  # experiment -> name of all test windows of a run together
 
 Row = tuple[str, str, float, int]  # metric, unit, value, number of windows or touches
 

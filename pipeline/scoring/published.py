@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline import experiments
+
 PUBLISHED = Path(__file__).with_name("published.csv")
 PRINTED = {  # paper -> models as it prints them; a model that is not listed has no published number
     "lomp": {
@@ -42,13 +44,6 @@ CONDITIONS = {"single touch": "single", "double touch": "double", "single touch 
 CONDITIONS |= {"task 1": "task_1", "task 2": "task_2"}
 COUNTS = {"multiply-accumulates": "macs", "parameters": "params"}
 
-# Experiment -> paper, the metric of scores.csv that it prints, its name there, how many of its units are one of ours.
-SCORES = {
-    "touch": ("lomp", "rmse", "RMSE", 1),
-    "strain": ("latent", "error", "test error", 1),
-    "glove": ("sp_resnet", "macro_precision", "precision", 100),
-}
-
 
 @cache
 def _rows(paper: str) -> dict[tuple[str, str, str], tuple[str, str]]:
@@ -70,8 +65,10 @@ def number(paper: str, model: str, condition: str, metric: str) -> float:
 
 def score(experiment: str, model: str, condition: str, metric: str) -> float:
     """Return what a paper prints for a row of scores.csv, in that row's unit; NaN where it prints nothing."""
-    paper, ours, printed, units = SCORES.get(experiment, ("", "", "", 1))
-    return round(number(paper, model, condition, printed) / units, 6) if metric == ours else float("nan")
+    paper = experiments.having("paper").get(experiment)
+    if paper is None or metric != paper.metric:
+        return float("nan")
+    return round(number(paper.key, model, condition, paper.printed) / paper.times, 6)
 
 
 def precision(model: str, dataset: str) -> float:

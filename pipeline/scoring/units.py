@@ -10,14 +10,13 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
+from pipeline import experiments
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
-from pipeline.scoring import metrics
 from pipeline.scoring.results import read_predictions, read_windows
 
 MOST_UNITS = 100  # of a condition: presses in a row are one where there are more
 SUFFIX = "_of_unit"  # of the metric's name; the variant is the unit
-METRIC = {"velostat_recorded": "rmse", "strain_recorded": "error", "glove_recorded": "accuracy"}  # that claims read
 DRAWS = 1000
 DRAW = "draw"  # name of the index of values that are draws, not runs
 
@@ -27,16 +26,16 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Se
 
     settings: the experiment's block; protocols: those that are scored so.
     """
-    table = read_windows(workspace, experiment)
+    table, facts = read_windows(workspace, experiment), experiments.facts(experiment)
     condition, unit = schemas.names(table["condition"]), _numbers(table)
     for protocol in protocols:
         for seed in settings["protocols"][protocol]["seeds"]:
             for model in settings["models"]:
                 predicted = read_predictions(workspace, experiment, model, protocol, seed, table)
-                wrong = _loss(experiment, table, predicted)
+                wrong = _loss(facts.metric, table, predicted)
                 known = np.isfinite(wrong) & (unit >= 0)
-                pooled = metrics.POOLED.get(experiment, ())
-                if METRIC[experiment] == "accuracy":  # images of all objects, which are the conditions of a dataset
+                pooled = facts.pooled
+                if facts.metric == "accuracy":  # images of all objects, which are the conditions of a dataset
                     pooled = (images.modality(protocol),)
                 for name in pooled or np.unique(condition[known]):
                     chosen = known if pooled else known & (condition == name)
@@ -45,7 +44,7 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Se
                     for number, loss in losses.iterrows():
                         yield {
                             "experiment": experiment, "protocol": protocol, "condition": name, "model": model,
-                            "variant": f"unit_{number}", "metric": METRIC[experiment] + SUFFIX, "seed": seed,
+                            "variant": f"unit_{number}", "metric": facts.metric + SUFFIX, "seed": seed,
                             "unit": "", "value": float(f"{loss['mean']:.6g}"), "n": int(loss["size"]),
                         }  # fmt: skip
 
@@ -65,15 +64,15 @@ def _blocks(unit: np.ndarray) -> np.ndarray:
     return number // -(-(number.max(initial=0) + 1) // MOST_UNITS)
 
 
-def _loss(experiment: str, table: pa.Table, predicted: np.ndarray) -> np.ndarray:
+def _loss(metric: str, table: pa.Table, predicted: np.ndarray) -> np.ndarray:
     """Return squared error, distance in mm, or whether it is right, (n,); NaN where nothing is predicted."""
-    if METRIC[experiment] == "accuracy":
+    if metric == "accuracy":
         right = (predicted.argmax(axis=1) == table["label"].to_numpy()).astype(float)
         return np.where(np.isfinite(predicted).all(axis=1), right, np.nan)
     gap = predicted.astype(float) - schemas.matrix(table["y"])
     asked = np.isfinite(gap).any(axis=0)
     gap = gap[:, asked]
-    return np.square(gap).mean(axis=1) if METRIC[experiment] == "rmse" else np.linalg.norm(gap, axis=1)
+    return np.square(gap).mean(axis=1) if metric == "rmse" else np.linalg.norm(gap, axis=1)
 
 
 def drawn(table: pd.DataFrame, metric: str) -> pd.Series:

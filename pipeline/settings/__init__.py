@@ -22,13 +22,11 @@ from pipeline.settings.stress import Stress
 from pipeline.settings.touch import Touch
 from pipeline.settings.velostat_recorded import VelostatRecorded
 
-Experiment = Literal["touch", "velostat_recorded", "strain", "strain_recorded", "glove", "glove_recorded"]
 
+class Experiments(Block):
+    """What is run, and a block for each experiment."""
 
-class Params(Block):
-    """All settings."""
-
-    experiments: Distinct[Experiment] = Field(description="Experiments that are run")
+    experiments: Distinct[str] = Field(description="Experiments that are run")
     device: Literal["auto", "cpu", "cuda"] = Field(description="Where networks train; auto: on a GPU if there is one")
     touch: Touch = Field(description="Presses on an array of pressure-sensitive elements (LoMP paper)")
     velostat_recorded: VelostatRecorded = Field(description="Recordings of a Velostat taxel under a load cell")
@@ -36,6 +34,15 @@ class Params(Block):
     strain_recorded: StrainRecorded = Field(description="Recordings of soft strain sensors")
     glove: Glove = Field(description="Objects that a hand in a tactile glove grasps (SP-ResNet paper)")
     glove_recorded: GloveRecorded = Field(description="Recorded grasps of a robot hand with tactile sensors")
+
+
+Experiment = Literal[tuple(name for name in Experiments.model_fields if name not in ("experiments", "device"))]
+
+
+class Params(Experiments):
+    """All settings."""
+
+    experiments: Distinct[Experiment] = Field(description="Experiments that are run")
     stress: Stress = Field(description="What goes wrong after training, by experiment")
     physics: Physics = Field(description="Every effect of a scene left out in turn, by experiment")
     rightsize: Rightsize = Field(description="Size ladders, by experiment")

@@ -13,7 +13,8 @@ import pyarrow as pa
 from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas, specimens
-from pipeline.experiments import glove, strain, strain_recorded
+from pipeline.experiments import glove
+from pipeline.experiments.strain_recorded import SHARED
 from pipeline.experiments.touch import RESISTANCE
 from pipeline.scenes import material
 from pipeline.sheet import cycles
@@ -30,12 +31,19 @@ def sensors(experiment: str, name: str, folder: Path, settings: Mapping, simulat
     """
     module = experiments.module(experiment)
     paths = [path for path in module.recordings(folder) if not simulated or of_first_specimen(experiment, path.name)]
-    chosen = [path for path in paths if CHOSEN.get(experiment, all_alike)(path, settings)] or paths
+    chosen = [path for path in paths if getattr(module, "shows_loading", all_alike)(path, settings)] or paths
     read = [module.read_recording(path, settings)[0] for path in chosen]
-    made = MAKERS[experiment](name, [frames for frames in read if frames.num_rows], settings, simulated)
+    made = of_frames(experiment, name, [frames for frames in read if frames.num_rows], settings, simulated)
     if not any(sensor.logs for sensor in made):
         raise InputError(f"{folder}: no recording has frames; `tactile check {experiment} {folder}` says more")
     return made
+
+
+def of_frames(
+    experiment: str, name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool = False
+) -> list[Sensor]:
+    """Return the sensors of recordings that have been read, by the function that the facts of the experiment name."""
+    return globals()[experiments.facts(experiment).sheet](name, read, settings, simulated)
 
 
 def of_first_specimen(experiment: str, name: str) -> bool:
@@ -43,7 +51,8 @@ def of_first_specimen(experiment: str, name: str) -> bool:
 
     Fingers have a recording each; of arrays and gloves the name says the number.
     """
-    return name == "run000" if experiment == "strain" else specimens.number(name) == 0
+    first = experiments.facts(experiment).first
+    return name == first if first else specimens.number(name) == 0
 
 
 def all_alike(path: Path, settings: Mapping) -> bool:
@@ -51,20 +60,7 @@ def all_alike(path: Path, settings: Mapping) -> bool:
     return True
 
 
-def of_one_tip(path: Path, settings: Mapping) -> bool:
-    """Tell whether a recording of touch has one load cell."""
-    return not (path / "load_cell_2.log").exists()
-
-
-def along_one_axis(path: Path, settings: Mapping) -> bool:
-    """Tell whether the task of a recording of strain asks for one axis."""
-    return len(strain.tasks(settings).get(path.parent.name, ())) == 1
-
-
-CHOSEN = {"touch": of_one_tip, "strain": along_one_axis}
-
-
-def touch(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+def array(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return an array, or a single element, under a load cell; several touches at a time are no loading cycle."""
     sensor, resistance, logs = settings["sensor"], RESISTANCE in settings["ingest"], []
     for frames in read:
@@ -92,7 +88,7 @@ def touch(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: boo
     ]
 
 
-def of_strain(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+def strands(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return strands on an arm; the stimulus is the depth, or the one axis along which the arm moves.
 
     Where some recordings move along one axis alone, the others are left out; where none does, only presses count
@@ -114,7 +110,7 @@ def of_strain(name: str, read: Sequence[pa.Table], settings: Mapping, simulated:
     return [Sensor(name, unit, "mm", logs, settings["ingest"].get("clock") == "shared")]
 
 
-def of_glove(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+def areas_of_glove(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return a sensor for each area; no log says how hard its cells are pressed."""
     made = []
     areas = images.areas(settings)
@@ -125,13 +121,13 @@ def of_glove(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: 
     return made
 
 
-def of_velostat_recorded(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+def taxel(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return the recorded taxel; where a recording has one press for each place of the raster, places are known.
 
     Readings are resistances in ohm if the reference of the taxel's reader has 1 kohm (pipeline/scenes/material.py).
     """
     columns, steps = material.RASTER[1], material.STEP_MM
-    (sensor,), logs = touch(name, read, settings, simulated), []
+    (sensor,), logs = array(name, read, settings, simulated), []
     for log in sensor.logs:
         place, rest = log.place, np.percentile(log.stimulus, 10)
         log = log._replace(stimulus=log.stimulus - rest)
@@ -145,19 +141,19 @@ def of_velostat_recorded(name: str, read: Sequence[pa.Table], settings: Mapping,
     return [sensor._replace(logs=logs, note="The taxel's conductance: 1000 over the printed reading.")]
 
 
-def of_strain_recorded(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+def recorded_strands(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return the five strands that both days have; the arm's depth is commanded, its places are random."""
     logs = []
     for frames in read:
         day = frames["condition"][0].as_py()
-        reading = schemas.matrix(frames["v"])[:, strain_recorded.SHARED[day]].astype(float)
+        reading = schemas.matrix(frames["v"])[:, SHARED[day]].astype(float)
         place = schemas.matrix(frames["y_mm"]).astype(float)
         logs.append(log_of(frames, reading, -place[:, 2], place[:, :2]))
     note = "The stimulus is the commanded depth: what the arm needs to follow it is in all times."
     return [Sensor(name, "V", "mm", logs, one_clock=True, note=note)]
 
 
-def of_glove_recorded(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
+def hand(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return the hand's tactile matrices; its joint angles are those of encoders, no tactile sensor."""
     return [
         Sensor(name, "counts", "", [bare(frames, schemas.matrix(frames["pressure"]).astype(float)) for frames in read])
@@ -173,13 +169,3 @@ def log_of(frames: pa.Table, reading: np.ndarray, stimulus: np.ndarray, place: n
 def bare(frames: pa.Table, reading: np.ndarray) -> Log:
     """Return a recording without a stimulus."""
     return log_of(frames, reading, np.empty(0), np.empty((0, 2)))
-
-
-MAKERS = {
-    "touch": touch,
-    "strain": of_strain,
-    "glove": of_glove,
-    "velostat_recorded": of_velostat_recorded,
-    "strain_recorded": of_strain_recorded,
-    "glove_recorded": of_glove_recorded,
-}

@@ -8,7 +8,7 @@ with its own range, cells and lines; by name:
 * gain_drift: of what a cell reads above the 5th percentile of its training frames.
 * dead: cells (joints) read 0. stuck: they stay at what they read in one of the test frames. Of an area with fewer
   than `severity`, all.
-* dead_line: rows or columns of the scanned area read 0; of each matrix of glove_recorded, whose joints have no lines.
+* dead_line: rows or columns of the scanned area read 0; of each matrix of the recorded hand; joints have no lines.
 * lost_frames, jitter: within a recording, over all of its frames, whether they become images or not.
 * specimen, shift, turn, grip (simulated only): the test sessions in a changed scene, see
   pipeline/scenes/glove_stress.py. An object out of place is the same as a glove that sits wrongly on the hand.
@@ -152,7 +152,7 @@ def read(workspace: Workspace, experiment: str, settings: Mapping, part: np.ndar
 
 
 def device(module, area: str) -> tuple[float, float, tuple[tuple[int, int], ...]]:
-    """Return the range of an area's readings and its matrices; module: of the experiment glove or glove_recorded."""
+    """Return the range of an area's readings and its matrices; module: of an experiment on images."""
     if hasattr(module, "MATRICES"):
         if area == "strain":
             return -module.IMPOSSIBLE_DEG, module.IMPOSSIBLE_DEG, ()

@@ -1,8 +1,8 @@
-"""Stress of the experiments on windows, touch and velostat_recorded: perturbed windows, trained models, new errors.
+"""Stress of the experiments on windows, array and recorded taxel: perturbed windows, trained models, new errors.
 
 Perturbed readings. All test windows of a run are perturbed at once, so that the same elements fail in all conditions,
 and the draw is the same for every model. The sensor's range, the `span` of noise and offset, is the ADC's (touch) or
-what was read in training (velostat_recorded, whose readings have no unit); readings are clipped to it, counts are
+what was read in training (the recorded taxel, whose readings have no unit); readings are clipped to it, counts are
 rounded. What an element reads at rest, for the gain, is its median over the training windows that end without a touch.
 A dead element or line reads the lowest value of the range. Frames are lost or late within a window, each on its own.
 

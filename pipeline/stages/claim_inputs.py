@@ -5,19 +5,18 @@ computed has no rows, and this says so.
 Usage: python -m pipeline.stages.claim_inputs EXPERIMENT
 """
 
+from pipeline import experiments
 from pipeline.base import arguments, files, params
 from pipeline.base.paths import Workspace
 from pipeline.scoring import claim_inputs
 
-STUDIES = {"touch": ["ablation"], "glove": ["input_frames"]}  # that rows are derived from
-
 
 def main(workspace: Workspace) -> None:
     """Derive the numbers of the experiment named on the command line."""
-    experiment = arguments.parse(__doc__, experiment=tuple(claim_inputs.EXPERIMENTS)).experiment
+    experiment = arguments.parse(__doc__, experiment=tuple(experiments.having("paper"))).experiment
     table = claim_inputs.rows(workspace, experiment, params.load(workspace.params)[experiment])
     files.write_table(workspace.claim_inputs(experiment), table)
-    missing = [name for name in STUDIES.get(experiment, ()) if not workspace.study(experiment, name)]
+    missing = [name for name in experiments.facts(experiment).studies if not workspace.study(experiment, name)]
     todo = f"; still to be computed with `tactile evidence`: {', '.join(missing)}" if missing else ""
     print(f"{experiment}: {len(table)} numbers{todo}")
 

@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.base import arguments, files, foreign, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import claim_inputs
+from pipeline.experiments import facts
 from pipeline.scoring.claim_inputs import LOOK
 from pipeline.scoring.kept import kept_rows
 
@@ -52,7 +52,7 @@ def main(workspace: Workspace) -> None:
     collect({name: workspace.scores(name) for name in experiments}, workspace.reports / "scores.csv", budget=LOOK)
     collect({name: workspace.latency(name) for name in experiments}, workspace.reports / "latency.csv")
     collect({name: workspace.stress(name) for name in experiments}, workspace.reports / "stress.csv", STRESS)
-    derived = {name: workspace.claim_inputs(name) for name in experiments if name in claim_inputs.EXPERIMENTS}
+    derived = {name: workspace.claim_inputs(name) for name in experiments if facts(name).paper}
     if derived:
         collect(derived, workspace.reports / "claim_inputs.csv")
 

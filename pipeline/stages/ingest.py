@@ -35,7 +35,7 @@ def ingest(workspace: Workspace, experiment: str, settings: dict) -> None:
     """
     module = experiments.module(experiment)
     schema = module.frames_schema(settings)
-    if experiment in sources.SOURCES:
+    if module.FACTS.source:
         if not sources.is_complete(workspace, experiment):
             reason = f"recordings not downloaded; run `tactile fetch {experiment}`"
             schemas.write(workspace.frames(experiment), schema, [])

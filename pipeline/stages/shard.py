@@ -149,7 +149,7 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     experiment, target = each.experiment, shards.folder(workspace)
     scores = read_csv(own.scores(experiment), ["model", "value"], f"python -m pipeline.stages.evaluate {experiment}")
     tables = [scores]
-    if experiment in claim_inputs.EXPERIMENTS:
+    if experiments.facts(experiment).paper:
         tables.append(claim_inputs.rows(own, experiment, values[experiment]))
     if each.by_unit:
         tables.append(pd.DataFrame(units.rows(own, experiment, values[experiment], each.by_unit)))

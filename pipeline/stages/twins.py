@@ -8,17 +8,17 @@ import pandas as pd
 from pipeline.base import arguments, files, params
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
+from pipeline.experiments import facts
 from pipeline.twins import glove, strain, touch
 
-MODULES = {"touch": touch, "strain": strain, "glove": glove}
-RECORDED = {"touch": "velostat_recorded", "strain": "strain_recorded", "glove": "glove_recorded"}
+MODULES = {module.__name__.rpartition(".")[2]: module for module in (touch, strain, glove)}  # named as experiments
 COLUMNS = ["statistic", "unit", "source", "recording", "value", "meaning", "note"]
 
 
 def statistics(workspace: Workspace, values: dict, experiment: str) -> pd.DataFrame:
     """Return the rows of twins.csv; those of recordings that are absent, or of a scene not simulated, are left out."""
     module, tables = MODULES[experiment], []
-    if why_not_run(workspace, RECORDED[experiment]) is None:
+    if why_not_run(workspace, facts(experiment).twin.experiment) is None:
         tables.append(module.recorded(workspace, values).assign(source="recorded"))
     if values[experiment]["source"] == "simulated":
         tables.append(module.simulated(workspace, values).assign(source="simulated"))

@@ -1,6 +1,6 @@
 """Cut frames into windows, the inputs of the models.
 
-Usage: python -m pipeline.stages.window touch|velostat_recorded
+Usage: python -m pipeline.stages.window EXPERIMENT
 """
 
 import numpy as np

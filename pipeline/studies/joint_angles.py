@@ -9,11 +9,11 @@ import pyarrow as pa
 from sklearn.ensemble import ExtraTreesClassifier
 from tqdm import tqdm
 
+from pipeline import experiments
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
-from pipeline.experiments import glove_recorded
 
 EXPERIMENT = "glove_recorded"
 COLUMNS = ("input", "seed", "metric", "unit", "value", "n")
@@ -33,14 +33,14 @@ def inputs(angles: np.ndarray) -> dict[str, np.ndarray]:
 def probe(workspace: Workspace, settings: dict) -> list[tuple]:
     """Return the accuracy on the test grasps for each input and seed; settings: the block of settings."""
     path = paths.require(workspace.frames(EXPERIMENT), f"python -m pipeline.stages.ingest {EXPERIMENT}")
-    frames = schemas.read(path)
-    frames = frames.take(pa.array(glove_recorded.chosen(frames, settings)))
+    frames, module = schemas.read(path), experiments.module(EXPERIMENT)
+    frames = frames.take(pa.array(module.chosen(frames, settings)))
     objects = schemas.names(frames["condition"])
     seeds = settings["protocols"]["grasp_strain"]["seeds"]
     rows = []
     for name, x in tqdm(inputs(schemas.matrix(frames["strain"])).items(), desc=f"probe {EXPERIMENT}", unit="input"):
         for seed in seeds:
-            part = glove_recorded.split(frames, settings, "grasp_strain", seed)
+            part = module.split(frames, settings, "grasp_strain", seed)
             train, test = part == "train", part == "test"
             trees = ExtraTreesClassifier(TREES, random_state=seed).fit(x[train], objects[train])
             rows.append((name, seed, "accuracy", "1", float(trees.score(x[test], objects[test])), int(test.sum())))

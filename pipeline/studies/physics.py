@@ -13,10 +13,9 @@ from tqdm import tqdm
 
 from pipeline.base import arguments, files, params, workers
 from pipeline.base.paths import Workspace
+from pipeline.experiments import facts
 from pipeline.scoring.variants import COLUMNS, effects
 from pipeline.stability import changed_scene
-
-MAIN_METRIC = {"touch": "rmse", "strain": "error", "glove": "accuracy"}
 
 
 def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dict:
@@ -45,7 +44,7 @@ def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report
 
     torch.set_num_threads(1)
     asked, settings = asked_of(values, experiment), settings_of(values, experiment, effect, seed)
-    metric, rows = MAIN_METRIC[experiment], []
+    metric, rows = facts(experiment).metric, []
     for condition, model, scores in changed_scene.scores_anew(experiment, settings, asked, seed, values["device"]):
         unit, value = next((unit, value) for name, unit, value, _ in scores if name == metric)
         rows.append((experiment, effect, condition, model, seed, metric, unit, value))

@@ -62,7 +62,7 @@ def window_s(creep_1: Estimate | None, creep_10: Estimate | None) -> tuple[float
 def windows(data: Data, length_s: float, most: int) -> Windows:
     """Return a window for every reading that counts, or, of more than `most`, for one drawn of every so many in a row.
 
-    A fixed step would see presses that repeat in step with it in few of their phases: on strain_recorded every 25th
+    A fixed step would see presses that repeat in step with it in few of their phases: on recorded strands every 25th
     reading is in 4 phases of 20, and the R2 of x differs by .2 from that of every 12th.
     Raises InputError where none counts, and for a class or event that is the same throughout.
     """

@@ -17,9 +17,9 @@ from pipeline.base.cards import Words
 from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
+from pipeline.experiments import facts, log_name, module, sensor_format
 from pipeline.learning.window_statistics import KINDS
 from pipeline.logs import unmeasured
-from pipeline.logs.formats import LOGS
 from pipeline.scoring import conformal, metrics
 from pipeline.settings.targets import Target
 from pipeline.targets import features, models, read, validate
@@ -41,7 +41,6 @@ NO_TEST = (SEEN, VALIDATED)  # reasons why a recording with a truth is not score
 UNKNOWN = (
     "the model's card does not say which logs it was trained on; the scores of a log that was one of them are no test"
 )
-UNITS = {"touch": "counts", "strain": "V", "glove": "levels"}  # of readings where the settings name none
 
 
 class Log(BaseModel):
@@ -129,10 +128,11 @@ def write(folder: Path, final: Final, windows: Windows, scores: Mapping[str, flo
 def trained_on(data: Data, experiment: str, settings: Mapping) -> list[ranges.Columns]:
     """Return the ranges of the readings that count; settings: the block of the experiment."""
     x = np.concatenate([each.reading[each.press >= 0] for each in data.series])
-    if experiment == "glove":
+    kind = module(experiment).KIND
+    if kind == "images":
         areas = {name: area.cells for name, area in images.areas(settings).items()}
         return ranges.of_areas(x, areas, list(areas))
-    mean_margin = ranges.MEAN_MARGIN_OF_TOUCHES if experiment == "touch" else ranges.MEAN_MARGIN
+    mean_margin = ranges.MEAN_MARGIN_OF_TOUCHES if kind == "windows" else ranges.MEAN_MARGIN
     return [ranges.of(x, "v", 0, range(x.shape[1]), mean_margin)]
 
 
@@ -142,7 +142,7 @@ def logs(folder: Path, data: Data, experiment: str, windows: Windows) -> list[Lo
     found = []
     for number in np.unique(windows.recording):
         name, held_out = data.series[number].name, np.unique(fold[windows.recording == number])
-        digest = files.content_sha256(folder / name / LOGS[experiment])
+        digest = files.content_sha256(folder / name / log_name(experiment))
         found.append(Log(name=name, sha256=digest, tests=[names[k] for k in held_out]))
     return found
 
@@ -181,7 +181,7 @@ def check(card: Card, path: Path) -> None:
     """Raise InputError, which names `path`, where the parts of a card do not fit one another."""
     cards.check_blocks(path, "settings", card.experiment, card.settings, READ, AGAIN)
     try:
-        columns = len(read.FORMATS[card.experiment](card.settings).names) - 1
+        columns = len(sensor_format(card.experiment, card.settings).names) - 1
     except Exception as error:  # what the code of an experiment makes of settings that no sensor has
         raise InputError(f"{path}, settings: {foreign.reason(error)}; {AGAIN}") from error
     seen = list(range(columns))
@@ -238,7 +238,7 @@ def interval_s(data: Data) -> float:
 
 def correlated(data: Data, experiment: str) -> Correlation | None:
     """Return how the channels go together, of strands; elements and cells go together as they are touched."""
-    if experiment != "strain":
+    if module(experiment).KIND != "series":
         return None
     nowhere = [np.zeros(len(each.time_s), bool) for each in data.series]
     parts = [
@@ -256,7 +256,7 @@ def unmeasured_rows(log: Readings) -> np.ndarray:
 
 def notes(log: Readings, card: Card) -> list[str]:
     """Return sentences on what is no measurement, on another rate, and on channels unlike those of the training."""
-    names = read.FORMATS[card.experiment](card.settings).names[1:]
+    names = sensor_format(card.experiment, card.settings).names[1:]
     found = unmeasured.found(log.time_s, log.reading)
     said, n = unmeasured.sentences(found, log.time_s, names), len(log.time_s)
     here_s = float(np.median(np.diff(log.time_s))) if n > 1 else card.interval_s
@@ -328,7 +328,7 @@ def summary(name: str, path: Path, log: Readings, said: Predicted, card: Card) -
     else:
         found["predicted"] = {"least": float(said.guess.min()), "most": float(said.guess.max())}
     if card.trained_on is not None:
-        unit = card.settings["sensor"].get("unit", UNITS[card.experiment])
+        unit = card.settings["sensor"].get("unit", facts(card.experiment).unit)
         lacking = "set" if card.classes else "interval"
         by_range = _outside(log, card, np.zeros(len(log.time_s), bool))
         found |= ranges.summary(log.reading, by_range, card.trained_on, unit, lacking)

@@ -16,9 +16,9 @@ import pyarrow as pa
 from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
-from pipeline.experiments import glove, strain, strain_recorded, touch
+from pipeline.experiments import log_name, sensor_format, strain, touch
 from pipeline.logs import alignment, layout, own_data, parse, sniff
-from pipeline.logs.formats import LOGS, Column, Format, second
+from pipeline.logs.formats import Column, Format, second
 from pipeline.settings import patterns
 from pipeline.settings.targets import Asked, Split, Target
 from pipeline.sheet import cycles
@@ -28,19 +28,13 @@ PARTS = 5  # of a recording, or of the grasps of an object, where time divides
 LARGEST = 1e12  # of a target; a larger number is none
 MOST_NAMED = 30  # classes of which each is named with its count, and groups that have a line
 LEAST, MOST = 0.1, 2.0  # of the time that the sensor's log lasts; a log beside it that lasts less or more is not of it
-FORMATS = {  # of the sensor's log, by experiment
-    "touch": touch.array_format,
-    "strain": lambda settings: strain.formats(settings)["daq.log"],
-    "glove": glove.scanner_format,
-    "velostat_recorded": touch.array_format,
-}
 # A number in a name: with a sign, or no 0 before its point, only where no letter or digit precedes: weight-100g is 100.
 # A comma is a decimal one, but 1,500 is two numbers, as nobody knows whether it is 1.5.
 NUMBER = re.compile(r"((?<![^\W_])[-+])?(\d+(\.\d+|,(?!\d{3}(?!\d))\d+)?|(?<![^\W_.])\.\d+)")
 RECORDED = {  # target of a public recording -> experiment and, of places, the column of y_mm
-    "x": ("strain_recorded", 0),
-    "y": ("strain_recorded", 1),
-    "object": ("glove_recorded", None),
+    target: (experiment, column)
+    for experiment, of in experiments.having("targets").items()
+    for target, column in of.items()
 }
 
 
@@ -71,12 +65,12 @@ def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
     truth that is not there, is of another clock or, in the name of a folder, no number.
     """
     paths = recordings(folder, experiment)
-    if problem := own_data.copied(paths, LOGS[experiment]):
+    if problem := own_data.copied(paths, log_name(experiment)):
         raise InputError(f"{folder}: {problem}")
     series = []
     for path in paths:
         name = "/".join(path.parts[-2:])
-        time_s, segment, reading, _ = sensor_log(path / LOGS[experiment], experiment, settings)
+        time_s, segment, reading, _ = sensor_log(path / log_name(experiment), experiment, settings)
         truth, known = truth_of(path, asked.target, experiment, settings, time_s, segment)
         press = votes(path, asked.target, experiment, settings, time_s, segment, truth)
         counted = np.where(known, press, -1)
@@ -86,9 +80,9 @@ def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
 
 def recordings(folder: Path, experiment: str) -> list[Path]:
     """Return the folders <1>/<2> with a sensor's log; raises InputError without one, or for names that look alike."""
-    paths = [path for path in parse.folders(folder, "*/*") if (path / LOGS[experiment]).exists()]
+    paths = [path for path in parse.folders(folder, "*/*") if (path / log_name(experiment)).exists()]
     if not paths:
-        raise InputError(f"{folder}: no recordings; expected <folder>/<recording>/{LOGS[experiment]} in it")
+        raise InputError(f"{folder}: no recordings; expected <folder>/<recording>/{log_name(experiment)} in it")
     parse.check_names(paths)
     return paths
 
@@ -104,7 +98,7 @@ class Readings(NamedTuple):
 
 def sensor_log(path: Path, experiment: str, settings: Mapping) -> Readings:
     """Return the readings of a sensor's log; errors as `parse.read_log`."""
-    fmt, name = FORMATS[experiment](settings), LOGS[experiment]
+    fmt, name = sensor_format(experiment, settings), log_name(experiment)
     rows, rejects = log(path, fmt, experiment, settings, layout.of(settings["ingest"], name))
     readings = [column for column in rows.column_names if column not in (fmt.time, "line", "segment")]
     reading = np.column_stack([rows[column].to_numpy() for column in readings])
@@ -134,15 +128,15 @@ def truth_of(
         return np.full(len(time_s), number_in(name, path, target)), np.full(len(time_s), True)
     if segment[-1] > 0:
         raise InputError(
-            f"{path / LOGS[experiment]}: its clock begins anew, so the times of {target.file} are not its own; divide "
-            "the recording there"
+            f"{path / log_name(experiment)}: its clock begins anew, so the times of {target.file} are not its own; "
+            "divide the recording there"
         )
     at, values = column_of(path / target.file, target, experiment, settings)
     check_lasts(path / target.file, at, experiment, settings, time_s)
     known = (time_s >= at[0]) & (time_s <= at[-1])
     if not known.any():
         raise InputError(
-            f"{path / target.file}: lasts from {at[0]:g} to {at[-1]:g} s, {LOGS[experiment]} from {time_s[0]:g} to "
+            f"{path / target.file}: lasts from {at[0]:g} to {at[-1]:g} s, {log_name(experiment)} from {time_s[0]:g} to "
             f"{time_s[-1]:g} s; stamp both by one clock, in one unit"
         )
     if target.kind == "continuous":
@@ -155,10 +149,11 @@ def check_lasts(path: Path, at: np.ndarray, experiment: str, settings: Mapping, 
     """Raise InputError for a log with lines at `at` (m,) that does not last about as long as the sensor's, `time_s`."""
     lasts, sensor = float(np.ptp(at)), float(np.ptp(time_s))
     if not LEAST * sensor <= lasts <= MOST * sensor:
-        unit = FORMATS[experiment](settings).columns[0].unit
+        unit = sensor_format(experiment, settings).columns[0].unit
         raise InputError(
-            f"{path}: lasts {lasts:.6g} s, {LOGS[experiment]} {sensor:.6g} s; are the times of both in {unit}? Write "
-            "them so, or name the unit as time_unit in the log's format; if they are, both have to be of one recording"
+            f"{path}: lasts {lasts:.6g} s, {log_name(experiment)} {sensor:.6g} s; are the times of both in {unit}? "
+            "Write them so, or name the unit as time_unit in the log's format; if they are, both have to be of one "
+            "recording"
         )
 
 
@@ -175,7 +170,7 @@ def number_in(name: str, path: Path, target: Target) -> float:
 
 def column_format(path: Path, target: Target, experiment: str, settings: Mapping) -> tuple[Format, dict]:
     """Return the format of the log that has the target, a time and its column, and its layout."""
-    clock = FORMATS[experiment](settings).columns[0]
+    clock = sensor_format(experiment, settings).columns[0]
     words: dict[str, int] | None = {} if target.kind == "class" else None
     taken = target.name in (clock.name, "line", "segment")  # columns of every table of a log
     name = f"{target.name} (target)" if taken else target.name
@@ -218,7 +213,8 @@ def votes(
     load_cell = path / "load_cell.log"
     if target.kind != "class":
         return np.zeros(len(time_s), int)
-    if experiment == "touch" and load_cell.exists() and settings["ingest"].get("clock") == "shared" and not segment[-1]:
+    pressed = load_cell.name in experiments.facts(experiment).truth and load_cell.exists()
+    if pressed and settings["ingest"].get("clock") == "shared" and not segment[-1]:
         given = layout.of(settings["ingest"], load_cell.name)
         rows, rejects = log(load_cell, touch.LOAD_CELL, experiment, settings, given)
         strain.check_clock(load_cell, rows)
@@ -300,7 +296,7 @@ def recorded(name: str, folder: Path, settings: Mapping) -> Data:
     """Return a target of the public recordings, one of RECORDED: a place of the arm by day, or the grasped object.
 
     Strands: the five that both days have, readings of presses count. Hand: its tactile matrices, without the angles of
-    its joints, which tell the minute of a grasp (pipeline/experiments/glove_recorded.py); the grasps of each object, in
+    its joints, which tell the minute of a grasp (see its module in pipeline/experiments); the grasps of each object, in
     the order of time, are five blocks, and the first blocks of all objects are tested together, then the second ones.
     settings: the block of the experiment.
     """
@@ -312,7 +308,7 @@ def recorded(name: str, folder: Path, settings: Mapping) -> Data:
         n, condition = frames.num_rows, frames["condition"][0].as_py()
         common = frames["t_s"].to_numpy(), frames["segment"].to_numpy()
         if column is not None:
-            reading = schemas.matrix(frames["v"])[:, strain_recorded.SHARED[condition]]
+            reading = schemas.matrix(frames["v"])[:, module.SHARED[condition]]
             truth, press = schemas.matrix(frames["y_mm"])[:, column].astype(float), frames["press"].to_numpy()
             made.append(Series(path.stem, np.full(n, condition), *common, reading, truth, press))
             continue

@@ -1,4 +1,4 @@
-"""Models that see a whole series (strain, strain_recorded): data, training, tests; see __init__.py."""
+"""Models that see a whole series: data, training, tests; see __init__.py."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path

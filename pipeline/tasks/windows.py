@@ -1,4 +1,4 @@
-"""Models that see windows of frames (touch, velostat_recorded): data, training, tests; see __init__.py."""
+"""Models that see windows of frames: data, training, tests; see __init__.py."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -84,7 +84,7 @@ def tested(
 ) -> Iterator[Tested]:
     """Yield the tests of all runs of one model; `load(protocol, seed, spec)` gives its Trained."""
     module = experiments.module(experiment)
-    pooled = metrics.POOLED.get(module.SCORES, ())
+    pooled = module.FACTS.pooled
     data = read_dataset(path, settings["window"]["frames"])
     condition = schemas.names(data.rows["condition"])
     for protocol, seed in runs:

@@ -10,6 +10,7 @@ import pandas as pd
 import pyarrow as pa
 
 from builders.project import ROOT
+from pipeline import experiments
 from pipeline.base.files import sha256, write_table
 from pipeline.base.params import load
 from pipeline.datasets import images, labels, schemas
@@ -119,7 +120,7 @@ def write(workspace, experiment: str, settings: dict, failed: str = "") -> None:
     log = {"lines": 99, "rate_hz": 50.0, "rejects": {"torn": 1}}
     ingested = {"run": True, "recordings": {"single/day_1": {"frames": 98, "files": {"array.log": log}}}}
     workspace.ingest_report(experiment).write_text(json.dumps(ingested))
-    if experiment in claim_inputs.EXPERIMENTS:
+    if experiments.facts(experiment).paper:
         rows = claim_inputs.rows(workspace, experiment, settings)
         rows = pd.concat([rows, augmented()]) if experiment == "glove" else rows
         rows.to_csv(workspace.claim_inputs(experiment), index=False)

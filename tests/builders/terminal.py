@@ -11,7 +11,8 @@ from pathlib import Path
 
 from builders.project import ROOT
 from pipeline.base import params
-from pipeline.commands import check
+from pipeline.experiments import touch
+from pipeline.own import recordings, summary
 
 PICTURE = ROOT / "docs" / "check.svg"
 FORMAT = {"load_cell.log": {"separator": "text", "scale": 0.00981}}  # grams, as docs/own_sensor.md has it
@@ -29,10 +30,10 @@ def shown(folder: Path) -> list[str]:
     settings = params.load(ROOT / "params.yaml")["touch"]
     settings["ingest"] = settings["ingest"] | {"format": FORMAT}
     with contextlib.redirect_stdout(io.StringIO()) as said:
-        lines = check.Shown()
-        for name, fmt in check.formats("touch", recording, settings).items():
+        lines = summary.Shown()
+        for name, fmt in touch.formats(settings, recording).items():
             if name in LOGS:
-                one = check.read_one("touch", recording / name, fmt, settings)
+                one = recordings.read_one("touch", recording / name, fmt, settings)
                 lines.show(recording / name, fmt, one, FORMAT.get(name))
     return said.getvalue().splitlines()
 

@@ -20,8 +20,9 @@ from pipeline.base.errors import InputError
 from pipeline.commands import check, own
 from pipeline.datasets import schemas
 from pipeline.experiments import strain
-from pipeline.logs import layout
+from pipeline.logs import elements, layout
 from pipeline.logs.sniff import Proposal
+from pipeline.own import findings, recordings, summary
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
 from pipeline.reporting.figures import check as check_figures
@@ -100,7 +101,7 @@ def test_a_block_that_is_proposed_reads_the_logs_once_pasted(workspace, touch_lo
     pasted(logs, block)
     assert checked(workspace, "touch", logs, capsys)[0] is None
     usual, other = (
-        check.checked("touch", folder / "single" / "day1_0", values_of(folder, "touch")["touch"]).frames
+        recordings.checked("touch", folder / "single" / "day1_0", values_of(folder, "touch")["touch"]).frames
         for folder in (touch_logs, logs)
     )
     assert np.array_equal(schemas.matrix(usual["v"]), schemas.matrix(other["v"]))
@@ -147,7 +148,7 @@ def test_readings_with_decimals_get_a_scale(workspace, touch_logs, tmp_path, cap
     assert checked(workspace, "touch", logs, capsys)[0] is None
     usual, other = (
         schemas.matrix(
-            check.checked("touch", folder / "single" / "day1_0", values_of(folder, "touch")["touch"]).frames["v"]
+            recordings.checked("touch", folder / "single" / "day1_0", values_of(folder, "touch")["touch"]).frames["v"]
         )
         for folder in (touch_logs, logs)
     )
@@ -218,7 +219,7 @@ def test_elements_are_dead_by_the_step_of_their_own_kind():
     def said(columns):
         rows = pa.table(columns)
         log = own_logs.Log(rows, None, {})
-        return check.still("strain", [check.Checked(None, {"daq.log": log}, None, {}, [], {}, False)])
+        return findings.stuck_elements("strain", [recordings.Checked(None, {"daq.log": log}, None, {}, [], {}, False)])
 
     moves, flickers = np.linspace(2.1, 2.8, 50).round(3), np.where(np.arange(50) % 9, 2.5, 2.5 + 0.014)
     assert said({"u0": moves, "u1": moves + 0.5}) == []
@@ -289,11 +290,11 @@ def test_whole_seconds_are_asked_for(tmp_path):
         "ingest": {"max_reject_fraction": 0.01, "clock": "shared", "rate_hz": 5, "max_gap_s": 5.0, "format": {}},
     }
     block["ingest"] |= {"max_clock_offset_s": 5.0, "min_correlation": 0.5}
-    (first, _) = check.checked("strain", folder, block).problems
+    (first, _) = recordings.checked("strain", folder, block).problems
     assert "daq.log: all times are whole numbers, 2 apart: are these milliseconds?" in first
     for unit, rate in (("ms", 500), ("s", 0.5)):
         block["ingest"]["format"] = {f"{name}.log": {"time_unit": unit} for name in ("daq", "robot")}
-        recording = check.checked("strain", folder, block)
+        recording = recordings.checked("strain", folder, block)
         assert not recording.problems and recording.logs["daq.log"].report["rate_hz"] == pytest.approx(rate)
 
 
@@ -304,7 +305,7 @@ def test_a_rate_that_changes_within_a_log_is_named():
     def of(interval, segment=0):
         time = np.cumsum(interval)
         columns = {"time_s": time, "segment": np.zeros(len(time), int) + segment, "line": np.arange(1, len(time) + 1)}
-        return check.changed_rate(pa.table(columns))
+        return findings.changed_rate(pa.table(columns))
 
     assert of(interval).startswith("about 50 lines a second from line 301 on, 100 before: ")
     assert of(interval[:300]) is None and of(interval[300:]) is None and of(interval[250:310]) is None
@@ -318,7 +319,7 @@ def test_logs_that_share_no_time_are_said_not_to_share_a_clock(tmp_path):
     (folder / "robot.log").write_text("".join(f"{1.7e9 + 0.05 * k:.2f},{k % 9}\n" for k in range(400)))
     block = PARAMS["strain"] | {"sensor": {"channels": 1, "tasks": {"stretch": ["x"]}}}
     block["ingest"] = block["ingest"] | {"clock": "shared"}
-    recording = check.checked("strain", folder, block)
+    recording = recordings.checked("strain", folder, block)
     assert "are none of daq.log's, 0 to 19.95 s, so they do not share a clock" in recording.problems[0]
     assert recording.clock_own and layout.of(block["ingest"], "daq.log") is None
 
@@ -373,12 +374,11 @@ def test_a_sensor_that_is_zeroed_or_scaled_on_the_way_is_named(workspace, touch_
 def test_a_recording_in_which_nothing_changes_is_named():
     def recording(name, values):
         log = own_logs.Log(pa.table({"p0": values, "p1": values}), None, {})
-        return check.Checked(Path("logs", "cup", name), {"scanner.log": log}, None, {}, [], {}, False)
+        return recordings.Checked(Path("logs", "cup", name), {"scanner.log": log}, None, {}, [], {}, False)
 
     read = [recording("a", np.arange(9)), recording("b", np.zeros(9))]
-    assert check.still("glove", read)[0].startswith("no element changes in cup/b: ") and not check.still(
-        "glove", read[:1]
-    )
+    assert findings.stuck_elements("glove", read)[0].startswith("no element changes in cup/b: ")
+    assert not findings.stuck_elements("glove", read[:1])
 
 
 def test_an_order_is_proposed_only_where_it_is_one_for_every_recording():
@@ -397,7 +397,7 @@ def test_an_order_is_proposed_only_where_it_is_one_for_every_recording():
         names = {"condition": np.full(len(at), "single"), "recording": np.char.add("day", day.astype(str))}
         columns = {name: pa.array(values).dictionary_encode() for name, values in names.items()}
         frames, x = pa.table(columns | {"v": schemas.lists(v, pa.float32())}), 10.0 * at[:, None] + 5
-        return check.order_of_elements(frames, force, x, np.full_like(x, 5), settings)[1]
+        return elements.order_of_elements(frames, force, x, np.full_like(x, 5), settings)[1]
 
     plain, swapped = [0, 1, 2], [1, 0, 2]
     assert said([plain] * 3) == []
@@ -550,7 +550,7 @@ def test_with_a_target_check_proposes_how_logs_are_read(kind, tmp_path, capsys):
         ]
     logs, asked = edited(plain, tmp_path / "logs", **edits), own_settings.asked(plain)
     shutil.copy(plain / own_settings.FILE, logs / own_settings.FILE)
-    first = check.check_target("strain", logs, values_of(logs, "strain")["strain"], asked, check.Shown())
+    first = check.check_target("strain", logs, values_of(logs, "strain")["strain"], asked, summary.Shown())
     said = capsys.readouterr().out
     assert "is laid out in another way; paste the block" in first
     assert said.count("lines of it as printed") == 2 and "-> t_s " in said and "; angle " in said

@@ -9,10 +9,10 @@ import pytest
 from builders import free_targets
 from scipy.stats import gmean
 
+from pipeline import experiments
 from pipeline.base import cards, processes
 from pipeline.commands import targets
 from pipeline.commands.targets import Effort
-from pipeline.logs.formats import LOGS
 
 
 def test_a_target_is_checked_and_tested_without_any_other_log(workspace, called, monkeypatch):
@@ -127,7 +127,7 @@ def test_readings_outside_the_training_have_no_interval_or_set(
 ):
     """The second half of a log is shifted by a third of what the sensor showed in training."""
     folder = made(workspace.root / "data" / "own" / "sensor")
-    model, log = trained(called, monkeypatch, workspace, folder), min(folder.rglob(LOGS[experiment]))
+    model, log = trained(called, monkeypatch, workspace, folder), min(folder.rglob(experiments.log_name(experiment)))
     card = json.loads((model / "target.json").read_text())
     (kind,) = card["trained_on"]
     shift = way * (np.array(kind["high"]) - kind["low"]).max() / 3

@@ -1,4 +1,6 @@
-"""What is easy to add: a claim in five lines, a model in two files, a study in one entry; each is in the report."""
+"""What is easy to add: a claim in five lines, a model in two files, a study in one entry, an experiment in a module,
+a file of settings and a row; each is in the report.
+"""
 
 import re
 import shutil
@@ -6,6 +8,7 @@ import shutil
 import pandas as pd
 import pytest
 import yaml
+from builders import own_logs
 from builders.project import ROOT, Project, copy_code, in_this_process, miniature_settings, run_stage
 
 from pipeline.claims.rules import REPRODUCED
@@ -39,6 +42,19 @@ def build(spec: Spec, *, ridge: float) -> SklearnRegressor:
     """Return the unfitted model."""
     return SklearnRegressor(lambda seed: Ridge(ridge), spec, count=lambda fitted: fitted.coef_.size, macs=None)
 '''
+EXPERIMENT = '''\
+"""Read presses on pads, whose logs are as those of the paper's array."""
+
+from dataclasses import replace
+
+from pipeline.experiments import touch
+from pipeline.experiments.touch import (  # all that `experiments` asks for
+    KIND, SCORES, STRESSED, frames_schema, labels, read_in_parts, read_recording, recordings, split,
+)
+
+FACTS = replace(touch.FACTS, label="Pads", log=None, paper=None, twin=None, studies=())
+'''
+ROW = '    pads: Touch = Field(description="Presses on pads")\n'
 STUDY = "capacity: {like: strain, study: latent, models: [lstm_direct], seeds: 1, minutes: 1}\n"
 STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render")
 
@@ -83,6 +99,33 @@ def test_a_model_of_two_files_is_trained_and_in_the_report(tmp_path):
     assert len(own) == len(linear) and set(own["runs"]) == {1} and own["mean"].tolist() != linear["mean"].tolist()
     for page in ("accuracy/README.md", "speed/table2.md"):
         assert re.search(r"^\| whole_ridge +\|", (report / page).read_text(), re.MULTILINE), page
+
+
+@pytest.mark.slow
+def test_an_experiment_of_a_module_a_file_of_settings_and_a_row_is_in_the_report(tmp_path):
+    """Of an existing kind; its logs are somebody's own."""
+    project = Project(tmp_path)
+    copy_code(project.folder)
+    (project.folder / "pipeline" / "experiments" / "pads.py").write_text(EXPERIMENT)
+    settings = project.folder / "pipeline" / "settings" / "__init__.py"
+    before, row, after = settings.read_text().partition("    strain: Strain = ")
+    settings.write_text(before + ROW + row + after)
+    own_logs.touch(project.folder / "data" / "own" / "pads", 2, 3, 40.0, seconds=60.0)
+    block = yaml.safe_load((project.folder / "params" / "touch.yaml").read_text())["touch"]
+    block["sensor"] |= {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0}
+    block["label"] |= {"map_rows": 8, "map_cols": 9}
+    block |= {"source": "data/own/pads", "protocols": {"press": {"seeds": [0]}}}
+    block |= {"models": {"constant": {}, "window_trees": {"trees": 20, "min_samples_leaf": 1}}}
+    (project.folder / "params" / "pads.yaml").write_text(yaml.safe_dump({"pads": block}))
+    known = yaml.safe_load((project.folder / "params.yaml").read_text())["experiments"]
+    project.set({"experiments": [*known, "pads"]})
+    project.stages(*(f"stages.{stage} pads" for stage in STAGES if stage != "simulate"))
+    report = project.folder / "reports" / "pads" / "accuracy"
+    scores = pd.read_csv(report / "scores.csv")
+    rmse = scores[(scores["metric"] == "rmse") & (scores["condition"] == "single")].set_index("model")["value"]
+    assert 0 < rmse["window_trees"] < 0.8 * rmse["constant"]
+    page = (report / "README.md").read_text()
+    assert page.startswith("# `pads`: pads, your own logs") and all(f" {value:.2f} |" in page for value in rmse)
 
 
 @pytest.mark.slow

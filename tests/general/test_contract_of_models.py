@@ -24,8 +24,8 @@ from pipeline.settings.models import Models
 from pipeline.tasks import windows as tasks_windows
 
 VALUES = params.load(ROOT / "params.yaml")
-for own_experiment, yardsticks in own_settings.YARDSTICKS.items():
-    VALUES[own_experiment]["models"] |= yardsticks
+for own_experiment in experiments.having("log"):
+    VALUES[own_experiment]["models"] |= own_settings.YARDSTICKS[experiments.module(own_experiment).KIND]
 # Sizes of training, and of what is drawn from the training part, that a few windows are enough for.
 TINY = {"epochs": 2, "batch_size": 8, "streams": 4, "batch": 2, "centres": 16, "trees": 3}
 SAMPLES, WINDOWS, IMAGES, OBJECTS = 400, 24, 12, 4

@@ -63,7 +63,7 @@ FRAMES, DELAY = 4, 2
 def test_every_registered_model_is_here(kind):
     of_kind = [name for name in VALUES["experiments"] if experiments.module(name).KIND == kind]
     assert set(MODELS[kind]) == {
-        model for name in of_kind for model in [*VALUES[name]["models"], *own_settings.YARDSTICKS["touch"]]
+        model for name in of_kind for model in [*VALUES[name]["models"], *own_settings.YARDSTICKS["windows"]]
     }
 
 

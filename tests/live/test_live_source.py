@@ -13,9 +13,9 @@ from builders.project import ROOT
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import live
+from pipeline.experiments import touch
 from pipeline.inference import card as cards
 from pipeline.live.source import Lines, line_format, line_layout, replay
-from pipeline.targets.read import FORMATS
 
 
 @pytest.fixture
@@ -132,7 +132,7 @@ def wide(n: int, laid_out: dict | None = None) -> Lines:
     """Lines of an array of n x n elements."""
     reading = copy.deepcopy(TOUCH)
     reading["sensor"] |= {"rows": n, "cols": n}
-    return Lines(FORMATS["touch"](reading), "array.log", "touch/linear", laid_out=laid_out)
+    return Lines(touch.array_format(reading), "array.log", "touch/linear", laid_out=laid_out)
 
 
 @pytest.mark.parametrize("n", [5, 64, 128, 200])

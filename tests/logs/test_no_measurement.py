@@ -9,7 +9,6 @@ from pipeline import experiments, scenes
 from pipeline.base import params
 from pipeline.datasets import schemas
 from pipeline.logs import no_measurement
-from pipeline.logs.formats import LOGS
 from pipeline.targets import read as targets_read
 
 VALUES = params.load(ROOT / "params.yaml")
@@ -199,7 +198,7 @@ def test_simulated_readings_are_measured(experiment, workspace):
     recordings, logs_of = scenes.plan(experiment, settings)
     for recording in list(recordings)[:4]:
         scenes.write_recording(workspace.root, recording, logs_of)
-        path = scenes.folder_of(workspace.root, recording) / LOGS[experiment]
+        path = scenes.folder_of(workspace.root, recording) / experiments.log_name(experiment)
         readings = targets_read.sensor_log(path, experiment, settings)
         assert no_measurement.found(readings.time_s, readings.reading.astype(float)) == NOTHING
 

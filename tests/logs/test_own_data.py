@@ -9,13 +9,13 @@ import sys
 import pytest
 from builders.project import ROOT
 
+from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.commands import check, command_line
 from pipeline.logs import own_data
-from pipeline.logs.formats import LOGS
 from pipeline.stages import ingest
 
 LOG = "finger/single/run000/array.log"
@@ -139,7 +139,7 @@ def test_ingest_refuses_logs_outside(workspace, source, root):
     assert not workspace.frames("touch").exists()
 
 
-@pytest.mark.parametrize("experiment", LOGS)
+@pytest.mark.parametrize("experiment", experiments.having("log"))
 def test_ingest_refuses_a_link_to_a_folder(workspace, experiment, root, tmp_path):
     link_to_a_folder(root / "data" / "own" / "it", tmp_path / "elsewhere")
     settings = params.load(ROOT / "params.yaml")[experiment] | {"source": "data/own/it/finger"}

@@ -9,6 +9,7 @@ from urllib.parse import quote, unquote
 
 import pytest
 
+from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.commands import command_line, fetch
 from pipeline.logs import sources
@@ -39,9 +40,9 @@ def small(monkeypatch, tmp_path):
 def test_a_source_is_pinned_and_complete(name, count, first):
     listed = sources.files(name)
     assert len(listed) == count and all(re.fullmatch(r"[0-9a-f]{64}", digest) for digest in listed.values())
-    assert re.fullmatch(r"[0-9a-f]{40}", sources.SOURCES[name].commit)
+    assert re.fullmatch(r"[0-9a-f]{40}", experiments.facts(name).source.commit)
     for path in listed:
-        address = sources.address(name, path)
+        address = sources.address(experiments.facts(name).source, path)
         assert address.startswith("https://raw.githubusercontent.com/") and first in address
         assert unquote(address).endswith(f"/{path}")
     pairs = [{path.partition("/")[2] for path in listed if path.startswith(device)} for device in ("velostat", "futek")]
@@ -190,14 +191,13 @@ def test_the_list_has_size_licence_and_state(workspace, server):
     def line(name: str) -> str:
         return next(line for line in fetch.listing(workspace).splitlines() if line.startswith(name))
 
-    assert set(fetch.SIZES) == set(sources.SOURCES)
     assert re.search(r"2 +16\.9 MB +absent +none given", line("velostat_recorded"))
     assert re.search(r"5\.1 MB +absent +GPL-3", line("glove_recorded"))
     fetch.fetch(workspace, "velostat_recorded")
     assert re.search(r"16\.9 MB +complete +none given", line("velostat_recorded"))
     (sources.folder(workspace, "velostat_recorded") / "a" / "one.txt").write_bytes(b"damaged")
     assert " partly: 1 of 2 files, 1 wrong " in line("velostat_recorded")
-    for source in sources.SOURCES.values():
+    for source in experiments.having("source").values():
         assert f"github.com/{source.repository}/tree/{source.commit}" in fetch.listing(workspace)
 
 
@@ -205,13 +205,14 @@ def test_command_line(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["tactile", "fetch"])
     command_line.main()
     said = capsys.readouterr().out
-    assert said.startswith("source ") and all(name in said for name in sources.SOURCES) and "--from FOLDER" in said
+    assert said.startswith("source ") and "--from FOLDER" in said
+    assert all(name in said for name in experiments.having("source"))
     monkeypatch.setattr(sys, "argv", ["tactile", "fetch", "--from", "there"])
     with pytest.raises(SystemExit, match="--from: name the source too"):
         command_line.main()
 
 
-@pytest.mark.parametrize("name", sources.SOURCES)
+@pytest.mark.parametrize("name", experiments.having("source"))
 def test_size_is_that_of_the_recordings(name, recordings):
     folder = recordings(name)
-    assert sum((folder / path).stat().st_size for path in sources.files(name)) == fetch.SIZES[name]
+    assert sum((folder / path).stat().st_size for path in sources.files(name)) == experiments.facts(name).source.size

@@ -7,6 +7,7 @@ import pytest
 import yaml
 from builders.project import ROOT
 
+from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.own import settings as own_settings
@@ -15,7 +16,7 @@ VALUES = params.load(ROOT / "params.yaml")
 LISTS = ("protocols", "models")  # blocks that say what is run: whole, they are all of it
 BLOCKS = [
     (experiment, name)
-    for experiment in own_settings.YARDSTICKS
+    for experiment in experiments.having("log")
     for name, block in VALUES[experiment].items()
     if isinstance(block, dict) and name not in LISTS
 ]

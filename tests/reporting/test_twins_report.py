@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline import experiments
 from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.reporting import studies, tables
@@ -48,14 +49,14 @@ def test_what_is_out_of_range_is_said_with_its_reason():
 
 def test_files_are_written_and_one_side_alone_is_no_comparison(workspace, undrawn, tmp_path):
     sides = {"touch": ("recorded", "simulated"), "strain": ("recorded",), "glove": ("simulated",)}
-    for experiment in studies.TWIN_TITLES:
+    for experiment in experiments.having("twin"):
         workspace.twins(experiment).parent.mkdir(parents=True)
         table = made({key: numbers for key, numbers in (LIKE | UNLIKE).items() if key[1] in sides[experiment]})
         table.to_csv(workspace.twins(experiment), index=False)
     target = tmp_path / "new"
     target.mkdir()
     summary = studies.twins(workspace, target, {})
-    assert summary["experiment"].tolist() == [name for name in studies.TWIN_TITLES for _ in range(2)]
+    assert summary["experiment"].tolist() == [name for name in experiments.having("twin") for _ in range(2)]
     assert summary["inside"].notna().tolist() == [True, True, False, False, False, False]
     assert {path.name for path in target.iterdir()} == {"README.md", "touch.png"}
     text = (target / "README.md").read_text()
@@ -68,7 +69,7 @@ def test_files_are_written_and_one_side_alone_is_no_comparison(workspace, undraw
 
 
 def test_a_scene_that_needs_the_absent_recordings_stays_as_it_was(workspace, undrawn, tmp_path):
-    for experiment in studies.TWIN_TITLES:
+    for experiment in experiments.having("twin"):
         workspace.twins(experiment).parent.mkdir(parents=True)
         made(LIKE | UNLIKE, note="The film is thinner.").to_csv(workspace.twins(experiment), index=False)
     former = workspace.reports / "twins"

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from builders.project import ROOT
 
+from pipeline import experiments
 from pipeline.base.paths import Workspace
 from pipeline.scoring import shards, units
 
@@ -18,7 +19,7 @@ def test_the_units_of_a_committed_shard_have_its_scores(name):
     assert found, "the recorded sets have shards"
     for path in found:
         rows = pd.read_csv(path, dtype={"condition": str})
-        metric = units.METRIC[SETS[name].experiment]
+        metric = experiments.facts(SETS[name].experiment).metric
         of_unit = rows[rows["metric"] == metric + units.SUFFIX]
         assert set(of_unit["protocol"]) == set(SETS[name].by_unit)
         parts = of_unit.assign(weighted=of_unit["value"] * of_unit["n"]).groupby(PLACE)[["weighted", "n"]].sum()

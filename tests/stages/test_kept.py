@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from builders.project import ROOT, run_stage
 
+from pipeline import experiments
 from pipeline.base import availability, params
 from pipeline.reporting import studies
 from pipeline.stages import collect, evaluate, latency, render, render_study, stress
@@ -70,7 +71,7 @@ def test_without_committed_results_an_experiment_is_not_run(workspace, clone, mo
 
 def test_the_recorded_side_of_a_comparison_stays(workspace, tmp_path):
     table = pd.DataFrame([("noise", "1", "simulated", "r", 2.0, "What it is.", "")], columns=studies.TWINS)
-    for experiment in studies.TWIN_TITLES:
+    for experiment in experiments.having("twin"):
         workspace.twins(experiment).parent.mkdir(parents=True)
         table.to_csv(workspace.twins(experiment), index=False)
     former, folder = workspace.reports / "twins", tmp_path / "new"

@@ -12,6 +12,7 @@ import pytest
 from builders.project import ROOT
 from builders.touch_logs import SETTINGS, lines, logs_of, presses, save
 
+from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
@@ -355,7 +356,7 @@ DAMAGES = {
 }
 
 
-@pytest.mark.parametrize("experiment", sources.SOURCES)
+@pytest.mark.parametrize("experiment", experiments.having("source"))
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_one_file_of_a_source_that_is_not_right_stops_the_stage(workspace, experiment, damage, monkeypatch):
     """What an earlier run wrote stays: DVC would take an empty table for the result."""

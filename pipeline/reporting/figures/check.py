@@ -1,18 +1,18 @@
 """Draw a folder of logs: signals of the first recordings over time, rejected lines, and places that were pressed."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import PatchCollection
 from matplotlib.patches import Rectangle
 
+from pipeline import experiments
+from pipeline.base.facts import Panel
 from pipeline.datasets import images, schemas
-from pipeline.logs import alignment
 from pipeline.reporting.figures import style
 
 LINES = (
@@ -28,35 +28,14 @@ LINES = (
 ALL_DRAWN, STRONGEST = 64, 20  # columns of a log
 
 
-class Panel(NamedTuple):
-    """What one panel shows of a recording."""
-
-    title: str
-    files: str  # pattern of the logs' names, without .log
-    columns: str  # pattern
-    combined: Callable[[np.ndarray], np.ndarray] | None = None  # (n, columns) to one line (n,); None: a line each
-
-
-PANELS = {
-    "touch": (
-        Panel("Force (N)", r"load_cell.*", r"fz_n"),
-        Panel(
-            "Array, sum above\nrest (counts)",
-            r"array",
-            r"v\d+",
-            lambda cells: sum(map(alignment.strength_above_rest, cells.T)),
-        ),
-        Panel("Place (mm)", r"cnc.*", r"[xy]_mm"),
-    ),
-    "strain": (Panel("Voltage (V)", r"daq", r"u\d+"), Panel("Place (mm)", r"robot", r"[xyz]_mm")),
-}
 SILENT = 20  # median intervals; no line is drawn over a longer silence
 
 
 def draw(path: Path, experiment: str, recordings: Sequence, settings: Mapping) -> None:
     """Draw recordings (pipeline/commands/check.py: `Checked`) side by side, one column each, to `path` (PNG)."""
-    panels = PANELS.get(experiment) or areas_of(settings)
-    mapped = experiment == "touch" and any(recording.frames is not None for recording in recordings)
+    module = experiments.module(experiment)
+    panels = module.FACTS.panels or areas_of(settings)
+    mapped = module.KIND == "windows" and any(recording.frames is not None for recording in recordings)
     rows, columns = len(panels) + mapped, len(recordings)
     figure, axes = style.panels(rows * columns, columns, 1.5 + 4.5 * columns, 2.3, int(mapped))
     for column, recording in enumerate(recordings):

@@ -16,6 +16,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries
 from pipeline.claims.rules import VERDICTS
+from pipeline.experiments import facts
 from pipeline.reporting import claims as claim_text
 from pipeline.reporting import strain
 from pipeline.reporting.figures.ratios import Point
@@ -120,7 +121,7 @@ class _Scores:
 
     def __init__(self, results: Results, experiment: str, settings: Mapping):
         self.results, self.experiment, self.settings = results, experiment, settings
-        self.paper, self.metric, self.name, self.units = published.SCORES[experiment]
+        self.paper, self.metric, self.name, self.units = facts(experiment).paper
         self.models = list(published.PRINTED[self.paper])
         self.printed = lambda condition, model: published.number(self.paper, model, condition, self.name)
 

@@ -18,7 +18,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries
 from pipeline.claims.rules import BAND
-from pipeline.logs.sources import SOURCES
+from pipeline.experiments import facts
 from pipeline.reporting.figures import ratios
 from pipeline.reporting.page import answers, charts, claims
 from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
@@ -133,7 +133,7 @@ def data_of(experiment: str, settings: Mapping) -> str:
     """Say where an experiment's numbers come from, and how often the look draws them."""
     source = settings.get("source")
     if source is None:
-        where = SOURCES[experiment]
+        where = facts(experiment).source
         data = f"recorded, {where.repository} at commit {where.commit[:12]}, licence: {where.licence}"
     else:
         data = f"simulated by pipeline/scenes/{experiment}.py" if source == "simulated" else f"your own logs, {source}"

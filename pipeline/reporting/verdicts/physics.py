@@ -18,6 +18,7 @@ import pandas as pd
 from scipy.special import stdtrit
 
 from pipeline.base.paths import Workspace
+from pipeline.experiments import facts
 from pipeline.scoring import complete, studies
 from pipeline.scoring.variants import COLUMNS, NONE
 
@@ -26,27 +27,6 @@ SIDE = 0.95  # confidence of each of the two one-sided tests
 LOWEST = 1e-3  # smaller errors are taken for this one: less than one image of a small test part, 1 um, 1 Pa
 EQUIVALENT, CHANGES, UNKNOWN, FAILED = "equivalent", "changes errors", "inconclusive", "failed"
 
-# Effects that no model has to see: what they are for.
-PURPOSE = {
-    ("touch", "line_faults"): "ingest is there for torn, doubled, missing and swapped lines and resets",
-    ("strain", "line_faults"): "ingest is there for torn, doubled, missing and swapped lines and gaps",
-    ("strain", "jitter"): "the resampling of ingest is there for uneven sampling",
-    ("glove", "line_faults"): "ingest is there for torn, doubled, missing and swapped lines",
-}
-# Effects that recordings show: the statistic of reports/twins that does.
-RECORDED = {
-    ("touch", "places"): "place_spread",
-    ("touch", "creep"): "gain_from_past",
-    ("touch", "slow_creep"): "creep_long",
-    ("touch", "hysteresis"): "loading_loop",
-    ("touch", "release"): "overshoot",
-    ("touch", "noise"): "noise",
-    ("strain", "relaxation"): "rest_memory_near",
-    ("strain", "drift"): "drift_over_response",
-    ("strain", "noise"): "noise",
-    ("glove", "session"): "alike_within",
-    ("glove", "wander"): "load_wander",
-}
 
 REPORTED = ["experiment", "effect", "condition", "model", "before", "relative", "low", "high", "equivalent", "swapped"]
 REPORTED += ["verdict", "consequence"]  # columns of reports/physics.csv
@@ -151,9 +131,9 @@ def consequence(experiment: str, judged: Judgement, on: bool) -> str:
     """Return what follows for the default scene; on: whether the effect is on in params.yaml."""
     if not on:
         return "left out: equivalent" if judged.verdict == EQUIVALENT else "switch it on: not shown to be equivalent"
-    if shows := RECORDED.get((experiment, judged.effect)):
+    if shows := facts(experiment).shown.get(judged.effect):
         return f"kept: recorded ({shows.replace('_', ' ')})"
-    if purpose := PURPOSE.get((experiment, judged.effect)):
+    if purpose := facts(experiment).purpose.get(judged.effect):
         return f"kept: {purpose}"
     return {
         EQUIVALENT: "may be left out: equivalent",

@@ -17,20 +17,12 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
+from pipeline.experiments import facts
 from pipeline.scoring import complete, results
 from pipeline.scoring.results import Estimate
 
 FLOOR = "constant"
 HOLDS, WORSE, UNUSABLE, FAILED = "holds", "worse than constant", "not usable", "failed in training"
-# Experiment -> the metric of stress.csv that stands for the error, the name of the error, and its unit.
-ERRORS = {
-    "touch": ("rmse", "RMSE", "kPa"),
-    "velostat_recorded": ("rmse", "RMSE", "N"),
-    "strain": ("error", "Error", "mm"),
-    "strain_recorded": ("error", "Error", "mm"),
-    "glove": ("accuracy", "1 - accuracy", "1"),
-    "glove_recorded": ("accuracy", "1 - accuracy", "1"),
-}
 PLACE = ["protocol", "condition", "perturbation"]
 KEY = [*PLACE, "severity", "model", "seed"]
 LAST = ["last_severity", "last_error"]  # of the walk
@@ -49,7 +41,7 @@ class Verdict(NamedTuple):
 
 def runs(stress: pd.DataFrame, experiment: str) -> pd.DataFrame:
     """Return an experiment's rows of reports/stress.csv as protocol, condition, ..., seed, error; one row per run."""
-    metric = ERRORS[experiment][0]
+    metric = facts(experiment).metric
     own = stress[(stress["experiment"] == experiment) & (stress["metric"] == metric)]
     error = 1 - own["value"] if metric == "accuracy" else own["value"]
     return own[KEY].assign(error=error).reset_index(drop=True)

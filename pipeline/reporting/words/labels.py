@@ -1,5 +1,7 @@
 """Name experiments, models, perturbations, effects and columns as the reports do."""
 
+from pipeline.experiments import NAMES, facts
+
 FRONTS = {"p50_ms": "speed_front", "train_s": "training_front"}  # measured time -> the column of its Pareto front
 TIMES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time (s)"}  # -> its axis
 SPREAD = {"p50_ms": ["p50_low_ms", "p50_high_ms"], "train_s": ["train_low_s", "train_high_s"]}  # -> its least and most
@@ -35,29 +37,7 @@ LABELS = {
     "sp_resnet": "SP-ResNet",
 }
 
-EXPERIMENTS = {
-    "touch": "Touch",
-    "velostat_recorded": "Recorded Velostat taxel",
-    "strain": "Strain",
-    "strain_recorded": "Recorded strain sensors",
-    "glove": "Glove",
-    "glove_recorded": "Recorded grasps",
-}
-CONDITIONS = {  # (experiment, protocol, condition) of the stability tests -> what is tested
-    ("touch", "press", "single"): "single touches",
-    ("touch", "press", "double"): "double touches",
-    ("touch", "press", "single_anew"): "fresh single touches",
-    ("touch", "press", "several"): "several touches at once",
-    ("velostat_recorded", "repetition", "all"): "all recordings",
-    ("strain_recorded", "within_day_xy", "day_1"): "within a day",
-    ("strain_recorded", "across_days_xy", "day_2"): "across days",
-    ("glove", "session_pressure", "pressure"): "pressure",
-    ("glove", "session_strain", "strain"): "strain",
-    ("glove", "session_combined", "combined"): "pressure and strain",
-    ("glove_recorded", "grasp_pressure", "pressure"): "pressure",
-    ("glove_recorded", "grasp_strain", "strain"): "joint angles",
-    ("glove_recorded", "grasp_combined", "combined"): "pressure and joint angles",
-}
+MEASURES = {"rmse": "RMSE", "error": "Error", "accuracy": "Accuracy"}  # that models are compared by
 TASKS = {"single": "single touch", "double": "double touch"}  # condition -> what is tested; others are words already
 # Perturbation -> its name, what its severity is on an axis, and what it does.
 PERTURBATIONS = {
@@ -146,12 +126,12 @@ def model_name(model: str) -> str:
 
 def experiment_name(experiment: str) -> str:
     """Return the name of an experiment in headings."""
-    return EXPERIMENTS.get(experiment, plain(experiment))
+    return facts(experiment).label if experiment in NAMES else plain(experiment)
 
 
 def condition_name(experiment: str, protocol: str, condition: str) -> str:
     """Return what a stability test was done on, in words."""
-    if name := CONDITIONS.get((experiment, protocol, condition)):
+    if name := facts(experiment).tested.get((protocol, condition)):
         return name
     said = condition in ("all", protocol) or protocol.endswith(f"_{condition}")
     return plain(protocol if said else f"{protocol}, {condition}")

@@ -9,6 +9,7 @@ from builders.made_reports import studied
 from builders.project import ROOT
 from scipy.stats import ttest_1samp
 
+from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
@@ -136,16 +137,15 @@ def test_what_follows_for_the_scene(effect, on, factor, text):
     assert physics_verdicts.consequence("touch", judgement, on).startswith(text)
 
 
-@pytest.mark.parametrize("reasons", [physics_verdicts.PURPOSE, physics_verdicts.RECORDED])
-def test_every_effect_with_a_reason_exists(reasons):
-    values = params.load(ROOT / "params.yaml")
-    for experiment, effect in reasons:
-        assert effect in values[experiment]["simulate"]["effects"]
-
-
-def test_every_recorded_effect_is_shown_by_a_statistic_of_the_twins():
-    for (experiment, effect), statistic in physics_verdicts.RECORDED.items():
-        assert statistic in twins_stage.MODULES[experiment].STATISTICS, effect
+@pytest.mark.parametrize("experiment", experiments.having("shown"))
+def test_every_effect_with_a_reason_exists(experiment):
+    """And one that recordings show is shown by a statistic of the twins."""
+    facts, switches = (
+        experiments.facts(experiment),
+        params.load(ROOT / "params.yaml")[experiment]["simulate"]["effects"],
+    )
+    assert {*facts.purpose, *facts.shown} <= set(switches) and facts.purpose
+    assert set(facts.shown.values()) <= set(twins_stage.MODULES[experiment].STATISTICS)
 
 
 def test_settings_switch_one_effect_and_move_the_seed():
