@@ -150,10 +150,8 @@ def in_order(counts: np.ndarray, settings: Mapping) -> np.ndarray:
 def frames_schema(settings: Mapping) -> pa.Schema:
     """Return the schema of the frames table; `settings` is the block `touch` of params.yaml."""
     sensor, ingest = settings["sensor"], settings["ingest"]
-    if RESISTANCE in ingest:
-        kind = pa.float32()
-    else:
-        kind = pa.int16() if ingest["highest_count"] < 2**15 else pa.int32()
+    counts = pa.int16() if ingest.get("highest_count", 0) < 2**15 else pa.int32()
+    kind = pa.float32() if RESISTANCE in ingest else counts
     return schemas.frames(sensor["rows"] * sensor["cols"], ingest["max_touches"], kind)
 
 
@@ -415,9 +413,8 @@ def _check_signs(logs: Mapping[str, Path], rows: Mapping[str, pa.Table], ingest:
     limits = {"one_clock": ingest.get("clock") == "shared", "min_correlation": ingest["min_correlation"]}
     force = _longest(_signals(rows["load_cell.log"], np.asarray, ["fz_n"]))
     falls = alignment.direction(_longest(_readings(rows["array.log"], np.asarray, ingest)), force, **limits) < 0
-    rises = "cnc.log" in rows and (
-        alignment.direction(_longest(_signals(rows["cnc.log"], np.asarray, ["z_mm"])), force, **limits) > 0
-    )
+    depth = _longest(_signals(rows["cnc.log"], np.asarray, ["z_mm"])) if "cnc.log" in rows else None
+    rises = depth is not None and alignment.direction(depth, force, **limits) > 0
     low, high = np.percentile(rows["load_cell.log"]["fz_n"].to_numpy(), [0.5, 99.5])
     if (falls or rises) and -low > high:
         raise InputError(f"{logs['load_cell.log']}: {PULLED}")

@@ -63,12 +63,7 @@ def forces(workspace: Workspace, folder: Path, settings: Mapping, report: Report
     """Draw measured and predicted force, and return the scores of recordings together and of each alone."""
     pooled = [(POOLED, group) for group in sorted(report.conditions(POOLED), key=_by_force)]
     alone = [(protocol, protocol) for protocol in settings["protocols"] if protocol != POOLED]
-    tested = [
-        place
-        for protocol in settings["protocols"]
-        for place in (pooled if protocol == POOLED else [(protocol, protocol)])
-    ]
-    runs = [(*place, *run) for place in tested for run in product(report.models, UNITS)]
+    runs = [(*place, *run) for place in (*pooled, *alone) for run in product(report.models, UNITS)]
     draw(workspace, folder / "figure.png", settings, report)
     ways = {"one fit for all recordings": pooled, "each recording fitted alone": alone}
     speed = {"all recordings": (POOLED, "all")}
@@ -87,17 +82,14 @@ def draw(workspace: Workspace, path: Path, settings: Mapping, report: Report) ->
     errors = {model: report.estimate(POOLED, "all", model, "rmse") for model in report.models}
     usable = [model for model, error in errors.items() if error.runs and not error.failed] or report.models[:1]
     best = min(usable, key=lambda model: errors[model].mean)
-    predicted = {
-        model: read_predictions(workspace, report.experiment, model, POOLED, seed, windows)[:, 0]
-        for model in report.models
-        if model in ("linear", best)
-    }
+    shown = [model for model in report.models if model in ("linear", best)]
+    predicted = {m: read_predictions(workspace, report.experiment, m, POOLED, seed, windows)[:, 0] for m in shown}
     tested = schemas.names(windows[schemas.split_column(POOLED, seed)]) == "test"
-    recording, truth, time = schemas.names(windows["recording"]), schemas.matrix(windows["y"])[:, 0], windows["t_s"]
+    recording, truth = schemas.names(windows["recording"]), schemas.matrix(windows["y"])[:, 0]
+    time, panels = windows["t_s"].to_numpy(), []
     names = sorted(set(recording[tested]))
     by_r2 = {name: report.estimate(POOLED, name.split("/")[0], best, "r2").mean for name in names}
     order = sorted(names, key=by_r2.get, reverse=True)
-    panels, time = [], time.to_numpy()
     for k in sorted({0, len(order) // 2, len(order) - 1}):
         name, read = order[k], "best" if k == 0 else "worst" if k == len(order) - 1 else "in between"
         rows = np.flatnonzero(tested & (recording == name))
