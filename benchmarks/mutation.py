@@ -30,9 +30,9 @@ PAIRING, ONE_LOG, SPECIMENS = (f"general/test_{name}.py" for name in ("pairing",
 # file of pipeline/ -> functions and constants whose faults are wrong numbers in silence, and tests that should see them
 CHOSEN = {
     **{f"tasks/{kind}.py": ("fit", SELECTION) for kind in ("windows", "images", "series")},
-    "studies/sizes.py": ("touch_run glove_run", SELECTION),
+    "studies/variants.py": ("run fit of_base rows", f"{SELECTION} studies/test_variants.py"),
     "studies/joined_frames.py": ("scores", "studies/test_input_frames.py"),
-    "studies/latent.py": ("decoded train_with", f"{SERIES} studies/test_latent.py"),
+    "studies/latent.py": ("decoded", f"{SERIES} studies/test_latent.py"),
     "studies/joint_angles.py": ("probe", "experiments/test_glove_recorded.py"),
     "stability/changed_scene.py": ("_windows_scores _images_scores", SELECTION),
     "stability/perturbations.py": ("noise", "stability/test_perturbations.py"),

@@ -12,7 +12,7 @@ from pipeline import experiments, tasks
 from pipeline.base import params, paths, workers
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
-from pipeline.datasets.windows import Dataset, read_dataset
+from pipeline.datasets.windows import Dataset
 from pipeline.learning.lstm import LstmRegressor
 from pipeline.learning.regressors import Spec, TorchRegressor
 from pipeline.learning.series_regressors import spec_of as spec_of_series
@@ -26,7 +26,7 @@ from pipeline.tasks import windows as tasks_windows
 def touch():
     """The touch experiment's dataset, and what loads a model of its first run; needs what `dvc repro` has made."""
     workspace, values = Workspace(ROOT), params.load(ROOT / "params.yaml")
-    data = read_dataset(paths.require(workspace.dataset("touch"), "dvc repro"), values["touch"]["window"]["frames"])
+    data = tasks_windows.read(paths.require(workspace.dataset("touch"), "dvc repro"), values["touch"])
     spec = tasks_windows.spec(values["touch"])
 
     def load(model: str):

@@ -151,9 +151,9 @@ def stage_entries() -> Iterator[Entry]:
             if module == "pipeline.stages.shard":
                 computed = SETS[given[0]]
                 given[0] = computed.experiment
-                if computed.study:  # the shard runs it
-                    study = f"pipeline.studies.{computed.study}"
-                    yield Entry(f"{stage.name} study", [python, option, study, *given], deps, settings, False)
+                if study := shards.study(computed):  # the shard runs it
+                    command = [python, option, f"pipeline.studies.{study}", *given]
+                    yield Entry(f"{stage.name} study", command, deps, settings, False)
             yield Entry(stage.name, [python, option, module, *given], deps, settings, stage.always_changed)
 
 

@@ -263,6 +263,17 @@ def test_an_unknown_command_is_one_sentence(monkeypatch, capsys, word, said):
     assert capsys.readouterr().err.startswith(f"error: there is no command '{word}'; {said}")
 
 
+@pytest.mark.parametrize("where", ["parser_of", "run_stage"])
+def test_ctrl_c_prints_nothing(monkeypatch, capsys, where):
+    def interrupted(*given):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command_line, where, interrupted)
+    with pytest.raises(SystemExit) as ended:
+        called(monkeypatch, capsys, "check", "data/own/none")
+    assert ended.value.code == 130 and not "".join(capsys.readouterr())
+
+
 @pytest.mark.parametrize("option", ["--json", "--quiet"])
 def test_a_program_reads_json_or_nothing(monkeypatch, capfd, option):
     def talks(workspace, given):

@@ -771,7 +771,7 @@ def test_a_damaged_dataset_is_one_sentence_or_read(changes, cut, tmp_path):
     path.write_bytes(overwritten(path.read_bytes(), changes, cut))
     try:
         with in_time():
-            read_dataset(path, 2)
+            read_dataset(path, 2, 2)
     except InputError as error:
         assert one_sentence(error).startswith(str(path))
 
@@ -780,4 +780,4 @@ def test_a_table_of_another_stage_is_one_sentence(tmp_path):
     table = pa.table({"v": [1.0]})
     schemas.write(tmp_path / "dataset.parquet", table.schema, [table])
     with pytest.raises(InputError, match="dataset.parquet: has no column 'x'; delete it and run `dvc repro`"):
-        read_dataset(tmp_path / "dataset.parquet", 2)
+        read_dataset(tmp_path / "dataset.parquet", 2, 2)

@@ -235,11 +235,11 @@ def test_files_of_a_shard(there, room, tmp_path, monkeypatch):
     monkeypatch.setattr(shard.provenance, "git_state", lambda workspace: ("a" * 40, "false"))
     monkeypatch.setattr(shard, "machine", lambda *given: "a machine")
     one, target = Shard("physics_touch", 0, "full"), room / "evidence"
-    places = [shards.study_file(workspace, "touch", name, 0) for name in ("physics", "sizes")]
+    places = [shards.study_file(workspace, "touch", name, 0) for name in ("physics", "other")]
 
     def call(words: str = "new") -> None:
         made = Workspace(tmp_path / "made")
-        for name in ("physics", "sizes"):
+        for name in ("physics", "other"):
             files.write_text(made.study_result("touch", name), f"value\n{words} {name}\n")
         shard.keep_study(workspace, made, one, own_data, {"device": "cpu"}, 1.0)
 

@@ -156,7 +156,7 @@ def named(workspace: Workspace, folder: Path, draft: Path, sets: Mapping[str, Sh
         shard, each = known[name], sets[known[name].set]
         must = {
             "experiment": each.experiment, "seed": str(shard.seed), "budget": shard.budget,
-            "protocol": shards.STUDY if each.study else "+".join(each.protocols),
+            "protocol": shards.named(each),
         }  # fmt: skip
         for column, value in must.items():
             if line[column] != value:
@@ -182,7 +182,8 @@ def check_files(
     Raises InputError where they are not those that its line of the index tells of, or not tables of this repository.
     """
     each, of_experiment = sets[shard.set], params.read(workspace.params)[sets[shard.set].experiment]
-    models = {*(each.models or of_experiment["models"]), DATA}
+    variants = {model for one in each.variants.values() for model in one.models}
+    models = variants or {*(each.models or of_experiment["models"]), DATA}
     copies = [copied(folder, path, draft) for path in kept]
     if shards.digest(copies) != digest:
         raise InputError(f"{folder / kept[0]}: not the file that index.csv beside it tells of; copy it again")
@@ -193,7 +194,7 @@ def check_files(
         rows = rows_of(copy, folder / path, COLUMNS)
         for name, known in {
             "experiment": {each.experiment}, "protocol": set(each.protocols), "model": models,
-            "budget": {"", shard.budget},
+            "budget": {"", shard.budget}, **({"variant": set(each.variants)} if each.variants else {}),
         }.items():  # fmt: skip
             only(folder / path, rows, name, known)
         if not rows:
@@ -232,7 +233,8 @@ def times_of(
     shown, found = folder / "times.csv", {}
     if not os.path.lexists(shown):
         return found
-    known = {shard.name: shard for shard in shards.shards(sets) if not sets[shard.set].study}
+    of_models = {name: each for name, each in sets.items() if not shards.study(each)}
+    known = {shard.name: shard for shard in shards.shards(of_models)}
     rows = rows_of(copied(folder, "times.csv", draft), shown, shards.TIMES)
     only(shown, rows, "shard", known)
     every = params.read(workspace.params)

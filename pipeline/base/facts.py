@@ -73,7 +73,6 @@ class Facts:
     first: str = ""  # name of its recordings of the first specimen, where names do not number specimens
     purpose: Mapping[str, str] = field(default_factory=dict)  # effect that no model has to see -> what it is for
     shown: Mapping[str, str] = field(default_factory=dict)  # effect that recordings show -> statistic of the twins
-    studies: tuple[str, ...] = ()  # that numbers of claims are derived from
     # Of public recordings.
     source: Source | None = None
     targets: Mapping[str, int | None] = field(default_factory=dict)  # free target -> column of y_mm; None: the object

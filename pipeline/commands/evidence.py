@@ -1,6 +1,6 @@
 """Compute the next shards of the evidence for some minutes; each is kept, in evidence/, when it is done.
 
-A shard is one seed of an experiment at one budget of training, all its models, or one seed of a study.
+A shard is one seed of an experiment at one budget of training, all its models, or one seed of variants or of a study.
 evidence/shards.yaml lists them, in the order in which they are computed. What is up to date is not computed again, and
 a shard that would not end within the minutes left is not begun. Ctrl-C loses the shard that runs, and of it the
 trainings that had not ended.

@@ -37,23 +37,23 @@ class Dataset(NamedTuple):
         return place[self.rows["previous"].to_numpy()[rows]]
 
 
-def read_dataset(path: Path, frames: int, run: tuple[str, int] | None = None) -> Dataset:
-    """Read a dataset that the stage `dataset` wrote; `frames`: number of frames in a window.
+def read_dataset(path: Path, frames: int, elements: int, run: tuple[str, int] | None = None) -> Dataset:
+    """Read a dataset that the stage `dataset` wrote; `frames`: how many of a window's frames, the last ones, are read.
 
-    run: protocol and seed of the one run whose windows are wanted, without those unused in it; None: all windows.
-    Raises InputError where the file is damaged or lacks x or y.
+    elements: of a frame; run: protocol and seed of the one run whose windows are wanted, without those unused in it;
+    None: all windows. Raises InputError where the file is damaged, lacks x or y or has windows of fewer frames.
     """
     table = schemas.having(_of_run(path, *run) if run else schemas.read(path), ("x", "y"), path)
-    for name, parts in (("x", frames), ("y", 1)):
+    for name, parts in (("x", elements), ("y", 1)):
         kind = table[name].type
         if not pa.types.is_fixed_size_list(kind) or kind.list_size % parts or table[name].null_count:
             raise InputError(
                 f"{path}: column '{name}' is not what the stage dataset writes; delete it and run `dvc repro`"
             )
-    x = schemas.matrix(table["x"]).astype(np.float32)
-    return Dataset(
-        x.reshape(len(x), frames, x.shape[1] // frames), schemas.matrix(table["y"]), table.drop_columns(["x", "y"])
-    )
+    if frames > (most := table["x"].type.list_size // elements):
+        raise InputError(f"{path}: its windows have {most} frames, and the setting window.frames asks for {frames}")
+    x = schemas.matrix(table["x"])[:, -frames * elements :].astype(np.float32)
+    return Dataset(x.reshape(len(x), frames, elements), schemas.matrix(table["y"]), table.drop_columns(["x", "y"]))
 
 
 def _of_run(path: Path, protocol: str, seed: int) -> pa.Table:

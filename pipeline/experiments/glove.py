@@ -41,7 +41,6 @@ FACTS = Facts(
     twin=Twin("glove_recorded", "Glove: recorded grasps of a robot hand and those of the glove"),
     purpose={"line_faults": "ingest is there for torn, doubled, missing and swapped lines"},
     shown={"session": "alike_within", "wander": "load_wander"},
-    studies=("input_frames",),
 )
 
 CLOCK = Column("t_us", "us", -(2.0**31), 2**53, integer=True)

@@ -233,7 +233,7 @@ def log_problems(path: Path, rows: pa.Table, settings: Mapping) -> Iterator[str]
             yield f"{path}: the arm moves by no more than {moves:g} mm; write {', '.join(axes)} in millimetres"
 
 
-def findings(frames: pa.Table, series: pa.Table, settings: Mapping) -> Iterator[Finding]:
+def findings(frames: pa.Table, rows: pa.Table, settings: Mapping) -> Iterator[Finding]:
     """Yield what all recordings show: whether they are too short."""
     if frames.num_rows < 10 * settings["window"]["frames"]:
         yield Finding("the recordings are too short to learn from", wrong=True)
@@ -592,7 +592,8 @@ def task(protocol: str, settings: Mapping) -> series.Task:
             f"params/strain.yaml, strain.protocols: no task '{protocol}'; the tasks are {', '.join(known)}"
         )
     channels = list(range(settings["sensor"]["channels"]))
-    base = MODEL_ZERO_TASK if MODEL_ZERO_TASK in known else next(iter(known))
+    base = settings.get("protocols", {}).get(protocol, {}).get("base")
+    base = base or (MODEL_ZERO_TASK if MODEL_ZERO_TASK in known else next(iter(known)))
     pressed_only = settings["sensor"].get("pressed_below_mm") is not None
     return series.Task(known[protocol], {protocol: channels}, pressed_only, base)
 

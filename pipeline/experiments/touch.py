@@ -65,7 +65,6 @@ FACTS = Facts(
         "release": "overshoot",
         "noise": "noise",
     },
-    studies=("ablation",),
 )
 
 # Ranges are what no such device can exceed: time since its start or since 1970, below 0 where micros() is printed

@@ -17,7 +17,6 @@ from pipeline import experiments, models, tasks
 from pipeline.base import files, foreign, params
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas, series
-from pipeline.datasets.windows import read_dataset
 from pipeline.inference import card as cards
 from pipeline.inference import intervals, touches
 from pipeline.learning.regressors import Spec, TorchRegressor
@@ -186,7 +185,7 @@ def _first(recording: np.ndarray, tested: np.ndarray) -> Iterator[tuple[str, int
 
 def _of_windows(workspace: Workspace, values: Mapping, card: cards.Card, run: Trained) -> Rows:
     settings = values[card.experiment]
-    data = read_dataset(workspace.dataset(card.experiment), settings["window"]["frames"], (card.protocol, card.seed))
+    data = windows.read(workspace.dataset(card.experiment), settings, (card.protocol, card.seed))
     part, press = data.part(card.protocol, card.seed), data.rows["press"].to_numpy()
     recording = schemas.names(data.rows["recording"])
     _, group = np.unique(np.char.add(np.char.add(recording, "/"), press.astype(str)), return_inverse=True)

@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 
 SCHEMA = "schema.json"  # of the archive: the types, and which file has each array
-SMALL, RATIO = (
-    16 << 20,
-    200,
-)  # bytes unpacked that any file may come to, and times its own size; models come to 10 times
+SMALL = 16 << 20  # bytes unpacked that any file may come to
+RATIO = 200  # times its own size that a file may come to unpacked; models come to 10 times
 ESTIMATORS = (
     "sklearn.decomposition._pca.PCA",
     "sklearn.dummy.DummyRegressor",

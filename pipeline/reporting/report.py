@@ -43,6 +43,8 @@ class Report:
             else {}
         )
         self._variants = {name for name, each in sets.items() if each.variant}
+        of_experiment = [each.variants for each in sets.values() if each.experiment == experiment]
+        self.variants = {name: one for each in of_experiment for name, one in each.items()}
         self._sets = {protocol: each for each in sets.values() if not each.variant for protocol in each.protocols}
         paper = facts(experiment).paper if self.simulated else None
         rows = published.table(paper.key if paper else "").itertuples()

@@ -19,9 +19,8 @@ from pipeline.reporting.words.labels import plain
 from pipeline.scenes.strain import drift_at_samples
 from pipeline.scoring.one_table import Results
 from pipeline.scoring.results import LOG, Estimate, read_predictions, read_windows
-from pipeline.scoring.strain_results import TIME_BINS, errors_by_time, read_latents, read_study, tested_rows
+from pipeline.scoring.strain_results import STUDIES, TIME_BINS, errors_by_time, read_latents, read_study, tested_rows
 
-STUDIES = ("samples", "drift", "capacity", "strands", "bases")
 FIGURES = {"task_1": "figure5", "task_2": "figure6"}  # of direct training
 AXES = "xyz"
 SHOWN_S = 120.0  # of the test part in figures 5, 6 and 8; the drift is drawn over all of it
@@ -37,7 +36,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     """Write the report of `strain`; see `experiment`."""
     accuracy, report = target / "accuracy", Report(workspace, "strain", settings)
     files.write_table(accuracy / "table1.csv", score_table(report))
-    studies = {name: read_study(workspace, name) for name in STUDIES}
+    studies = {name: read_study(workspace, report.results.table, name) for name in STUDIES}
     known = {name: study for name, study in studies.items() if len(study)}
     for name, study in known.items():
         files.write_table(accuracy / f"{name}.csv", study)
@@ -49,7 +48,10 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
         figures.latent_space(accuracy / "figure7.png", latents)
     draw_time(workspace, accuracy / "time.png", settings, dataset)
     draw_studies(accuracy, report, known)
-    absent, bases = [name for name in STUDIES if name not in known], settings["study"]["bases"]
+    absent = [name for name in STUDIES if name not in known]
+    of_base = {name.removeprefix("base_"): one for name, one in report.variants.items() if name.startswith("base_")}
+    tasks = dict.fromkeys(task for one in of_base.values() for task in one.protocols)
+    bases = [(task, base) for task in tasks for base in of_base]
     yardsticks = {name: settings[name] for name in ("yardstick", "yardstick_task_2")}
     errors = errors_beyond(report.results, report.models, settings)
     if ranks := rank_correlations(errors):

@@ -35,9 +35,9 @@ from pipeline.reporting.words.labels import (
 )
 from pipeline.reporting.words.markdown import number
 from pipeline.reporting.words.templates import render
-from pipeline.scoring import ladders, one_table, results, shards
-from pipeline.scoring.kept import kept_rows
-from pipeline.scoring.variants import effects
+from pipeline.scoring import one_table, results, shards
+from pipeline.scoring.results import kept_rows
+from pipeline.scoring.studies import METRIC, effects
 
 JOINED = {"single_anew": "single", "several": "double"}  # conditions that are drawn in the figure of another one
 STRESS = ["experiment", *stability_verdicts.KEY, "metric", "value"]  # of reports/stress.csv
@@ -109,12 +109,9 @@ def stability_file(experiment: str, protocol: str, condition: str) -> str:
 def rightsize(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFrame:
     """Judge the ladders of all experiments; the table is verdicts.sizes.JUDGED."""
     parts, together = [], [pd.DataFrame(columns=sizes_verdicts.JUDGED)]
-    wanted = {name: {key: block["sizes"] for key, block in ladder.items()}
-              for name, ladder in values["rightsize"].items()}  # fmt: skip
-    wanted["strain"] = {"lstm": values["strain"]["study"]["capacity"]["units"]}
     evidence = one_table.Results(shards.read(workspace))
-    for experiment in ladders.METRIC:
-        runs = sizes_verdicts.read(workspace, experiment, wanted[experiment])
+    for experiment in METRIC:
+        runs = sizes_verdicts.read(workspace, evidence, experiment)
         if runs.empty:
             parts.append({"experiment": experiment, "missing": True})
             continue

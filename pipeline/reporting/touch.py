@@ -13,7 +13,7 @@ from pipeline.reporting.figures import touch as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.words import templates
 from pipeline.reporting.words.labels import model_name
-from pipeline.scoring import metrics
+from pipeline.scoring import metrics, studies
 from pipeline.scoring.results import read_predictions, read_windows
 
 UNITS = {  # of table1.csv
@@ -41,14 +41,13 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     files.write_table(accuracy / "table1.csv", report.scores(runs, UNITS, with_published=True))
     draw(workspace, accuracy, settings, main)
     experiment.learning_curves(workspace, accuracy / "learning_curves.png", "touch", settings, {main: main}, "kPa²")
-    studied = workspace.study("touch", "ablation")
     report.write(
         accuracy / "README.md",
         "touch",
         main=main,
         conditions=conditions,
         touch_kpa=metrics.touch_threshold_kpa(settings),
-        ablation=ablation(report, settings["ablation"], settings["models"], main) if studied else [],
+        ablation=ablation(report, main, settings["window"]["frames"]),
         yardstick=settings["yardstick"],
     )
     panels = {f"{name} touch": (main, name) for name in ("single", "double") if name in conditions}
@@ -56,26 +55,30 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     experiment.write_speed(workspace, report, target, settings, panels, ("rmse", "RMSE (kPa)"), end=end)
 
 
-def ablation(report: Report, rows: Mapping[str, Mapping], models: Mapping[str, Mapping], protocol: str) -> list[dict]:
-    """Return what is changed in each row of `touch.ablation`, and its errors over those it is compared with.
+def ablation(report: Report, protocol: str, frames: int) -> list[dict]:
+    """Return what is changed in each variant that is no size of a ladder, and its errors over what it is compared with.
 
-    models: settings of the models of Table I, which a row without another one beside it is compared with.
+    Variants that were not computed are left out. frames: of a window in Table I, which a variant is compared with where
+    it is like no other.
     """
-    found = []
-    for name, row in rows.items():
-        if row["of"] in report.models:
-            beside = row.get("beside", "")
-            ratios = {
-                condition: report.ratio(
-                    (protocol, condition, row["of"], "rmse", name), (protocol, condition, row["of"], "rmse", beside)
-                )
-                for condition in ("single", "double")
-            }
-            known = rows[beside]["settings"] if beside else models[row["of"]]
-            changed = ", ".join(f"{key} {value}" for key, value in row["settings"].items() if known.get(key) != value)
-            compared = beside or f"{model_name(row['of'])}, Table I"
-            found.append({"name": name, "of": row["of"], "changed": changed, "frames": row["frames"]})
-            found[-1] |= {"beside": compared, "ratios": ratios}
+    found, ladders = [], tuple(f"{family.name}_" for family in studies.FAMILIES.values())
+    for name, variant in report.variants.items():
+        (model, *_), beside = variant.models, variant.like
+        if name.startswith(ladders) or report.results.rows(experiment="touch", variant=name).empty:
+            continue
+        ratios = {
+            condition: report.ratio(
+                (protocol, condition, model, "rmse", name), (protocol, condition, model, "rmse", beside)
+            )
+            for condition in ("single", "double")
+        }
+        known = report.variants[beside].set if beside else {}
+        of_model = {key.rpartition(".")[2]: value for key, value in variant.set.items() if known.get(key) != value}
+        seen = variant.set.get("touch.window.frames", frames)
+        changed = ", ".join(f"{key} {value}" for key, value in of_model.items() if key != "frames")
+        compared = beside or f"{model_name(model)}, Table I"
+        found.append({"name": name, "of": model, "changed": changed, "frames": seen, "beside": compared})
+        found[-1]["ratios"] = ratios
     return found
 
 

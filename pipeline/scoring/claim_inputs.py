@@ -1,8 +1,8 @@
 """Derive the numbers that claims need beside scores, times and counts: rows of the one table of results.
 
 Errors at high pressure and the tilt of maps, the curve of an element off its centre, correlations of strands, pairs of
-objects that are confused, and what the studies of touch and glove scored. A variant is a model with something changed,
-or a pair of objects; what is no model's is of the model `data`.
+objects that are confused, and scores by number of input frames. A variant is a number of frames or a pair of objects;
+what is no model's is of the model `data`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,7 +16,7 @@ from pipeline.base import params, paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, labels, schemas
 from pipeline.datasets.images import classes
-from pipeline.scoring import glove_results, metrics, studies
+from pipeline.scoring import glove_results, metrics
 from pipeline.scoring.results import read_csv, read_predictions, read_windows
 
 KEY = ["experiment", "protocol", "condition", "model", "variant", "metric"]
@@ -33,10 +33,9 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping) -> pd.DataFra
 
     What is derived from predictions is of the look; a study has no budget but its own.
     """
-    module = experiments.module(experiment)
-    derived = [{"budget": LOOK, **row} for row in DERIVED[module.KIND](workspace, settings)]
-    derived += [row for study in module.FACTS.studies for row in STUDIES[study](workspace, settings)]
-    derived = [{"experiment": experiment, "n": 1, **row} for row in derived]
+    common = {"experiment": experiment, "n": 1, "budget": LOOK}
+    kind = experiments.module(experiment).KIND
+    derived = [common | row for row in DERIVED[kind](workspace, settings)]
     return pd.DataFrame(derived, columns=COLUMNS).astype({"seed": "Int64"})
 
 
@@ -58,16 +57,6 @@ def touch(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
         yield {"condition": "single", "model": DATA, "metric": "off_centre_shift", "seed": element} | {
             "unit": "counts", "value": shift,
         }  # fmt: skip
-
-
-def touch_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
-    """Yield the scores of models of the array with one thing changed."""
-    columns = ["row", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
-    for row in studies.read(workspace, "touch", "ablation", columns).itertuples():
-        if row.row in settings["ablation"]:
-            model = settings["ablation"][row.row]["of"]
-            place = {"protocol": row.protocol, "condition": row.condition, "model": model, "variant": row.row}
-            yield place | {"metric": row.metric, "seed": row.seed, "unit": row.unit, "value": row.value, "n": row.n}
 
 
 def high_pressure_error(settings: Mapping, table: pa.Table, maps: np.ndarray, tested: np.ndarray) -> Row:
@@ -158,14 +147,10 @@ def glove(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
     table, protocols = read_windows(workspace, "glove"), glove_results.main_protocols(settings)
     if "sp_resnet" in settings["models"]:
         yield from confusions(workspace, settings, table, protocols)
-
-
-def glove_studies(workspace: Workspace, settings: Mapping) -> Iterator[Row]:
-    """Yield the scores of input frames."""
     compared = [model for model in glove_results.COMPARED if model in settings["models"]]
     for dataset in ("combined", "pressure"):
         frames = glove_results.read_frames(workspace, dataset, compared)
-        place = {"protocol": f"{settings['input_frames']['split']}_{dataset}", "condition": dataset}
+        place = {"protocol": f"{settings['input_frames']['split']}_{dataset}", "condition": dataset, "budget": None}
         yield from (place | row for row in by_frames(frames))
 
 
@@ -208,4 +193,3 @@ def by_frames(table: pd.DataFrame) -> Iterator[Row]:
 
 
 DERIVED = {"windows": touch, "series": strain, "images": glove}  # by kind of input
-STUDIES = {"ablation": touch_studies, "input_frames": glove_studies}

@@ -6,7 +6,6 @@ of training, and the value, NaN for a failed run. A row without a protocol, a se
 """
 
 from collections.abc import Callable, Collection, Mapping
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,6 @@ from pipeline.scoring.results import Estimate, estimate, read_csv, scale_of
 from pipeline.scoring.strain_results import LATENT
 
 PRINTED_SHAPE = "printed_shape"  # variant: a count at the input that the paper's is of
-STUDIES = ("samples", "strands", "bases", "drift")  # of strain
 MADE_BY = "dvc repro"
 SIMULATED = "simulated"  # source of an experiment whose logs are not the user's own
 WHOLE = "whole"  # column: whether the value is an error of a whole run, as scores.csv has them
@@ -102,8 +100,7 @@ class Results:
 def of_reports(folder: Path) -> dict[str, Path]:
     """Return the files of results in a folder of reports, which are of all experiments."""
     names = ("scores", "latency", "counts", "claim_inputs")
-    studies = {name: folder / "strain" / "accuracy" / f"{name}.csv" for name in STUDIES}
-    return {name: folder / f"{name}.csv" for name in names} | studies
+    return {name: folder / f"{name}.csv" for name in names} | {"drift": folder / "strain" / "accuracy" / "drift.csv"}
 
 
 def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path | list[Path]]:
@@ -111,7 +108,7 @@ def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path | lis
     files = {"scores": workspace.scores(experiment), "latency": workspace.latency(experiment)}
     files |= {"claim_inputs": workspace.claim_inputs(experiment)}
     further = {"glove": {"counts": workspace.reports / "counts.csv"}}
-    further |= {"strain": {name: workspace.study("strain", name) for name in STUDIES}}
+    further |= {"strain": {"drift": workspace.study("strain", "drift")}}
     return files | further.get(experiment, {})
 
 
@@ -167,17 +164,6 @@ def _counts(path: Path) -> pd.DataFrame:
     return pd.concat([first.assign(metric=name, unit="1", value=table[name]) for name in ("macs", "params")])
 
 
-def _study(column: str, path: Path) -> pd.DataFrame:
-    """Return a study of strain in which trainings differ by a column: its values are the variants."""
-    table = read_csv(path, ["protocol", "model", "seed", "metric", "value", column], MADE_BY)
-    names = {
-        "experiment": "strain",
-        "condition": table["protocol"],
-        "variant": f"{column}_" + table[column].astype(str),
-    }
-    return table.assign(**names)
-
-
 def _drift(path: Path) -> pd.DataFrame:
     """Return what a linear read-out decodes from the raw voltages and from model-0; the target is the metric."""
     table = read_csv(path, ["protocol", "seed", "value", "input", "target"], MADE_BY)
@@ -192,8 +178,5 @@ TABLES: dict[str, Callable[[Path], pd.DataFrame]] = {
     "latency": _times,
     "counts": _counts,
     "claim_inputs": lambda path: read_csv(path, COLUMNS, MADE_BY),
-    "samples": partial(_study, "samples"),
-    "strands": partial(_study, "strands"),
-    "bases": partial(_study, "base"),
     "drift": _drift,
 }

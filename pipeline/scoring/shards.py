@@ -1,7 +1,7 @@
 """Name the shards of the evidence, and read what is committed of them.
 
-A shard is one seed of an experiment at one budget of training, of all models. evidence/shards.yaml has one entry, a
-set, for each amount of data; its shards are called `<set>-<seed>-<budget>`. The files of the evidence:
+A shard is one seed of an experiment at one budget of training, of all models or of variants of some. The entries of
+evidence/shards.yaml are sets, one for each amount of data; shards are called `<set>-<seed>-<budget>`. The files:
 
 * results/<shard>.csv: rows of the one table of results.
 * studies/<experiment>/<table>-<seed>.csv: in place of that, the tables of a study, a set with the key `study`.
@@ -29,6 +29,8 @@ TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
 STUDY = "study"  # in the column `protocol` of index.csv, for a study
 NUMBERS = {"seed": int, "epochs": float, "core_s": float, "train_s": float}  # columns of both
 MADE_BY = "tactile evidence"
+SETS = "evidence/shards.yaml"
+VARIANTS = "variants"  # the study that runs them
 
 
 class Shard(NamedTuple):
@@ -52,18 +54,34 @@ def folder(workspace: Workspace) -> Path:
 def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
     """Return name -> set, in the order in which shards are computed. Raises InputError for a wrong key or value."""
     path = paths.require(folder(workspace) / "shards.yaml", "git checkout evidence/shards.yaml")
-    blocks, sets = params.parsed(path), {}
-    if not isinstance(blocks, dict):
-        raise InputError("evidence/shards.yaml: expected a block for each set of shards")
-    for name, block in blocks.items():
-        if not isinstance(block, dict) or not isinstance(block.get("set", {}), dict):
-            raise InputError(f"evidence/shards.yaml, {params.shown(name)}: expected a block, in which `set` is a block")
-        other = blocks.get(block.get("like"), {})
-        if "study" in block:  # it trains no models, or those that it names
+    sets = {}
+    for name, (block, other) in _entries(params.parsed(path), "").items():
+        if {"study", "variants"} & block.keys():  # it trains no models, or those that it names
             other = {key: value for key, value in other.items() if key != "models"}
-        whole = {**other, **block, "set": {**other.get("set", {}), **block.get("set", {})}}
-        sets[name] = params.check_block(whole, ShardSet, name, {name: "evidence/shards.yaml"})
+        whole = _joined(other, block)
+        if "variants" in block:
+            entries = _entries(block["variants"], f"{name}.variants.")
+            whole["variants"] = {key: _joined(like, own) for key, (own, like) in entries.items()}
+        sets[name] = params.check_block(whole, ShardSet, name, {name: SETS})
     return sets
+
+
+def _entries(blocks, where: str) -> dict[str, tuple[dict, dict]]:
+    """Return name -> (entry, the one that it is `like`); where: what stands before the names, with a dot."""
+    if not isinstance(blocks, dict):
+        raise InputError(f"{SETS}{where and ', ' + where[:-1]}: expected a block for each name")
+    for name, block in blocks.items():
+        shown = f"{SETS}, {where}{params.shown(name)}"
+        if not isinstance(block, dict) or not isinstance(block.get("set", {}), dict):
+            raise InputError(f"{shown}: expected a block, in which `set` is a block")
+        if "like" in block and block["like"] not in ("", *blocks):
+            raise InputError(f"{shown}: there is none to be like: {params.hint(block['like'], blocks)}")
+    return {name: (block, blocks.get(block.get("like"), {})) for name, block in blocks.items()}
+
+
+def _joined(other: dict, block: dict) -> dict:
+    """Return the keys of both blocks, and of `set` the entries of both; those of `block` first."""
+    return {**other, **block, "set": {**other.get("set", {}), **block.get("set", {})}}
 
 
 def shards(sets: dict[str, ShardSet]) -> list[Shard]:
@@ -72,8 +90,23 @@ def shards(sets: dict[str, ShardSet]) -> list[Shard]:
 
 
 def budgets(each: ShardSet) -> tuple[str, ...]:
-    """Return the budgets of a set; a study has its own recipe, which is run whole."""
-    return (FULL,) if each.study else tuple(each.budgets)
+    """Return the budgets of a set; a study or a variant has its own recipe, which is run whole."""
+    return (FULL,) if study(each) else tuple(each.budgets)
+
+
+def study(each: ShardSet) -> str:
+    """Return the module of pipeline/studies that the shards of a set run; none where they train and score models."""
+    return each.study or (VARIANTS if each.variants else "")
+
+
+def named(each: ShardSet) -> str:
+    """Return what index.csv has in the column `protocol` for the shards of a set."""
+    return STUDY if each.study else "+".join(each.protocols)
+
+
+def result_file(workspace: Workspace, shard: str) -> Path:
+    """Return the file that keeps the rows of a shard of this name."""
+    return folder(workspace) / "results" / f"{shard}.csv"
 
 
 def study_file(workspace: Workspace, experiment: str, table: str, seed: int) -> Path:
@@ -128,7 +161,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
     for row in table(index, INDEX).itertuples():
         if row.protocol == STUDY:
             continue
-        path = paths.require(folder(workspace) / "results" / f"{row.shard}.csv", MADE_BY)
+        path = paths.require(result_file(workspace, row.shard), MADE_BY)
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
         rows = read_csv(path, COLUMNS, MADE_BY)

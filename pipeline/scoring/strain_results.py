@@ -1,4 +1,7 @@
-"""Read the studies of the latent space, and how errors on strain sensors change with time since training."""
+"""Read the studies of the latent space, and how errors on strain sensors change with time since training.
+
+Those of the number of samples, of strands, of units and of the task that transfer starts from are variants.
+"""
 
 from collections.abc import Mapping
 
@@ -12,12 +15,31 @@ from pipeline.scoring import studies
 from pipeline.scoring.results import read_csv, read_predictions
 
 LATENT = "latent of model-0"  # an input of the decoders, in drift.csv
+STUDIES = {  # table -> the columns that say what differs between its rows, beside the seed
+    "samples": ["protocol", "model", "samples"],
+    "drift": ["protocol", "input", "target"],
+    "capacity": ["protocol", "units", "params", "macs"],
+    "strands": ["protocol", "strands", "model"],
+    "bases": ["protocol", "base", "model"],
+}
 TIME_BINS = 10  # of the test part
 
 
-def read_study(workspace: Workspace, name: str) -> pd.DataFrame:
-    """Read a table of the study of the latent space, such as samples; without a row where it was not computed."""
-    return studies.read(workspace, "strain", name, ["protocol", "seed", "value"])
+def read_study(workspace: Workspace, rows: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Return a study of STUDIES as its table in the report has it, without a row where it was not computed.
+
+    rows: of the one table.
+    """
+    if name == "drift":
+        return studies.read(workspace, "strain", name, ["protocol", "seed", "value"])
+    if name == "capacity":
+        table = studies.ladders(rows, "strain").rename(columns={"condition": "protocol", "size": "units"})
+    else:
+        column = {"bases": "base"}.get(name, name)
+        table = studies.rungs(rows[rows["metric"] == "error"], "strain", column)
+        table = table if column == "base" else table.astype({column: int})
+    table = table[[*STUDIES[name], "seed", "metric", "unit", "value"]]
+    return table.sort_values(["seed", *STUDIES[name]], key=lambda values: values.astype(str), ignore_index=True)
 
 
 def read_latents(workspace: Workspace) -> pd.DataFrame:

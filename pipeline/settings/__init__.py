@@ -3,7 +3,7 @@
 Every key has its type, limits and meaning. `touch.sensor.pitch_mm` is the field `pitch_mm` of the class `Sensor`
 in touch.py: a file for each block at the top, a class for each block inside. A model's settings stand in its own file
 in pipeline/models (models.py says how), the recipes of networks in training.py, and what several blocks share in
-shared.py. Editors complete and explain keys by params.schema.json, which `python -m pipeline.settings` writes.
+shared.py. Editors complete and explain keys by params.schema.json, which `python -m tools.schema` writes.
 """
 
 import json
@@ -14,7 +14,6 @@ from pydantic import Field
 from pipeline.settings.glove import Glove
 from pipeline.settings.glove_recorded import GloveRecorded
 from pipeline.settings.physics import Physics
-from pipeline.settings.rightsize import Rightsize
 from pipeline.settings.shared import Block, Distinct
 from pipeline.settings.strain import Strain
 from pipeline.settings.strain_recorded import StrainRecorded
@@ -45,7 +44,6 @@ class Params(Experiments):
     experiments: Distinct[Experiment] = Field(description="Experiments that are run")
     stress: Stress = Field(description="What goes wrong after training, by experiment")
     physics: Physics = Field(description="Every effect of a scene left out in turn, by experiment")
-    rightsize: Rightsize = Field(description="Size ladders, by experiment")
 
 
 def schema() -> str:

@@ -7,6 +7,21 @@ from pydantic import Field
 from pipeline.settings.shared import Block, Count, Distinct, Listed, Text
 
 
+class Variant(Block):
+    """Models of a set's experiment with something changed."""
+
+    models: Distinct[Text] = Field(description="Models that are trained and scored")
+    protocols: Listed[Text] = Field(
+        default_factory=list, description="How the data are divided; without this key all of the set"
+    )
+    like: str = Field(
+        default="",
+        description="Variant that it is compared with, and whose keys, and entries of `set`, it has where it names "
+        "no own",
+    )
+    set: dict[str, Any] = Field(default_factory=dict, description="Dotted settings that differ from those of the set")
+
+
 class ShardSet(Block):
     """Shards of one experiment on one amount of data: one for each seed and budget."""
 
@@ -16,7 +31,8 @@ class ShardSet(Block):
     seeds: Annotated[int, Field(ge=1, le=1000)] = Field(description="Seeds from 0 on")
     models: Listed[Text] = Field(
         default_factory=list,
-        description="Models that are run; without this key all of the settings; with `study` those that it looks into",
+        description="Models that are run; without this key all of the settings; with `study` or `variants` those that "
+        "it looks into or starts from",
     )
     by_unit: Listed[Text] = Field(
         default_factory=list, description="Protocols of recordings that are scored press by press, too"
@@ -27,10 +43,13 @@ class ShardSet(Block):
         default=["half", "full"], description="Shares of the epochs; `full` alone where no model is trained in epochs"
     )
     study: str = Field(default="", description="Module of pipeline/studies that is run, in place of the protocols")
+    variants: dict[Text, Variant] = Field(
+        default_factory=dict, description="Models with something changed that are run, in place of the models"
+    )
     own_data: bool = Field(default=False, description="Whether the study makes its own data, not the set's")
     like: str = Field(
         default="",
         description="Set whose data it shares, and whose keys, and entries of `set`, it has where it names no own; "
-        "a study has no models of it",
+        "a study or variants have no models of it",
     )
     set: dict[str, Any] = Field(default_factory=dict, description="Dotted settings that differ from those in params/")

@@ -9,7 +9,6 @@ from pipeline.settings.shared import (
     AlignedIngest,
     Block,
     Budget,
-    Count,
     CountOrNone,
     Distinct,
     Fraction,
@@ -25,12 +24,10 @@ from pipeline.settings.shared import (
     Specimens,
     Split,
     Text,
-    Width,
     Yardstick,
 )
 
 Task = Literal["task_0", "task_1", "task_2"]
-TaskOfTables = Literal["task_1", "task_2"]
 
 
 class Sensor(Block):
@@ -161,36 +158,15 @@ class StrainSplit(Split):
     )
 
 
-class Bases(Block):
-    trained_on: Distinct[Task] = Field(description="Tasks whose networks transfer starts from")
-    used_for: Distinct[Task] = Field(description="Tasks that they are transferred to")
+class StrainProtocol(Protocol):
+    """How often a task is run, and what differs from the others."""
 
-
-class CapacityTraining(Block):
-    """What differs from the recipe of the model of the tables: in streams, with as many updates."""
-
-    epochs: Count = Field(description="Passes through the training part")
-    drop_epoch: Count = Field(description="Epochs after which the learning rate drops")
-    streams: Count = Field(description="Pieces that the series is cut into")
-    batch: Count = Field(description="Pieces of an update")
-
-
-class Capacity(Block):
-    units: Distinct[Width] = Field(description="Units of the LSTM, one size each")
-    training: CapacityTraining = Field(description="What differs from the recipe of the tables")
-
-
-class Study(Block):
-    tasks: Distinct[TaskOfTables] = Field(description="Tasks that are studied")
-    samples: Distinct[Annotated[int, Field(ge=2, le=1_000_000)]] = Field(description="Numbers of training samples")
-    models: Distinct[Literal["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"]] = Field(
-        description="Models that are trained on them"
+    samples: Annotated[int, Field(ge=2, le=1_000_000)] = Field(
+        default=None,
+        description="Samples that are trained on, the last ones before the test part, none of them for validation; "
+        "without it all",
     )
-    strands: Distinct[Annotated[int, Field(ge=1, le=1024)]] = Field(
-        description="Numbers of strands that models see, the first ones of the finger"
-    )
-    bases: Bases = Field(description="Transfer from networks of other tasks than task 0")
-    capacity: Capacity = Field(description="Sizes of the LSTM")
+    base: Task = Field(default=None, description="Task whose network transfer starts from; without it task 0")
 
 
 class Strain(Block):
@@ -203,10 +179,9 @@ class Strain(Block):
     split: StrainSplit = Field(description="How recordings are divided")
     window: LookBack = Field(description="How far models of windows look back")
     model_zero: Text = Field(description="Model that is trained on task 0, for transfer")
-    protocols: Annotated[dict[Text, Protocol], Field(min_length=1)] = Field(description="Tasks that are run")
+    protocols: Annotated[dict[Text, StrainProtocol], Field(min_length=1)] = Field(description="Tasks that are run")
     budget: Budget
     models: Models = Field(description="The models to train, by their keys")
-    study: Study = Field(description="What the paper asserts and does not test")
     latency: Latency = Field(description="How the time of a prediction is measured")
 
     @model_validator(mode="after")

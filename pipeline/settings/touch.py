@@ -1,6 +1,6 @@
 """Settings of touch: presses on an array of pressure-sensitive elements (LoMP paper)."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
@@ -13,7 +13,6 @@ from pipeline.settings.shared import (
     CountOrNone,
     Distinct,
     Fraction,
-    Frames,
     Latency,
     LineFaults,
     NotNegative,
@@ -210,17 +209,6 @@ class Protocols(SomeOf):
     random_window: RandomWindow = Field(default=None, description="By window, as the paper: windows overlap")
 
 
-class AblationRow(Block):
-    """A row beside those of Table I: a model with one thing changed."""
-
-    of: Text = Field(description="Model of the row")
-    beside: Text = Field(default="", description="Row that it is compared with; without it that of the tables")
-    frames: Frames = Field(description="Last frames of a window that it sees")
-    settings: dict[Text, Any] = Field(
-        description="Settings of the model; with `beside` those that differ from that row's"
-    )
-
-
 class Touch(Block):
     source: Text = Field(
         description="`simulated`, or a folder of your own logs: <condition>/<recording>/{array,load_cell,cnc}.log"
@@ -235,5 +223,4 @@ class Touch(Block):
     protocols: Protocols = Field(description="Ways of dividing the data, and their seeds")
     budget: Budget
     models: Models = Field(description="The models to train, by their keys")
-    ablation: dict[Text, AblationRow] = Field(description="Rows beside those of Table I, by name")
     latency: Latency = Field(description="How the time of a prediction is measured")

@@ -16,7 +16,6 @@ from pipeline.base import params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas, series, specimens
-from pipeline.datasets.windows import read_dataset
 from pipeline.learning.trained import Trained
 from pipeline.scoring import classification, metrics
 from pipeline.settings import Params
@@ -118,7 +117,7 @@ def _fitted(
 def _windows_scores(workspace: Workspace, experiment: str, settings: dict, asked: Asked, seed: int, device: str):
     """Yield as `scores`; a condition is that of the recording."""
     module = experiments.module(experiment)
-    data = read_dataset(workspace.dataset(experiment), settings["window"]["frames"])
+    data = tasks_windows.read(workspace.dataset(experiment), settings)
     condition = schemas.names(data.rows["condition"])
     for protocol in asked.protocols:
         part = data.part(protocol, seed)

@@ -28,7 +28,7 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
-from pipeline.datasets.windows import Dataset, read_dataset
+from pipeline.datasets.windows import Dataset
 from pipeline.learning.trained import Trained
 from pipeline.scenes import touch_stress
 from pipeline.scoring import metrics
@@ -119,9 +119,9 @@ def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, rep
     torch.set_num_threads(1)
     settings, stress = values[experiment], values["stress"][experiment]
     spec = tasks_windows.spec(settings)
-    data = read_dataset(workspace.dataset(experiment), spec.frames)
+    data = tasks_windows.read(workspace.dataset(experiment), settings)
     perturbed_scenes = {
-        case: read_dataset(_scene_file(workspace, experiment, case), spec.frames)
+        case: tasks_windows.read(_scene_file(workspace, experiment, case), settings)
         for case in scene_cases(values, experiment)
     }
     check, rows_of_runs = clean_scores.checker(workspace, experiment, ROUNDING), []

@@ -14,7 +14,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
 from pipeline.scoring.claim_inputs import LOOK
-from pipeline.scoring.kept import kept_rows
+from pipeline.scoring.results import kept_rows
 
 # Of reports/stress.csv: what others read first.
 STRESS = ("experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value", "protocol", "condition")

@@ -12,7 +12,7 @@ from pipeline.base import arguments, files, params
 from pipeline.base.availability import has_report, why_not_run
 from pipeline.base.paths import Workspace
 from pipeline.reporting import glove, own_sensor, recorded, strain, touch
-from pipeline.scoring.kept import say_kept
+from pipeline.scoring.results import say_kept
 
 SIMULATED = {report.__name__.rpartition(".")[2]: report for report in (glove, strain, touch)}  # named as experiments
 

@@ -1,6 +1,7 @@
 """Compute one shard of the evidence: train the models of one seed at one budget, and keep what they score.
 
-The shard of a study trains the models that it looks into, runs it with one seed, and keeps its tables.
+The shard of a study trains the models that it looks into, runs it with one seed, and keeps its tables; that of variants
+trains the models that they start from, and keeps the scores of the variants.
 
 The data of a set are made once per machine, in build/evidence/<set>, and made anew where their settings or code
 changed; without a seed they alone are made. The shard's own folder, build/evidence/<shard>, goes when its results are
@@ -8,6 +9,7 @@ written; interrupted, the same call goes on where it stopped.
 Usage: python -m pipeline.stages.shard SET [SEED half|full]
 """
 
+import json
 import math
 import os
 import tempfile
@@ -32,8 +34,7 @@ from pipeline.settings.shards import ShardSet
 
 CURVE_POINTS = 20
 SHARES = {HALF: 0.5, FULL: 1.0}  # of the epochs of a recipe, by budget
-UNMADE = ("budget", "models", "ablation", "input_frames", "latency", "study", "yardstick")
-UNMADE += ("yardstick_task_2",)  # settings that no data are made from
+UNMADE = ("budget", "models", "input_frames", "latency", "yardstick", "yardstick_task_2")  # no data are made from these
 LINKED = ("dataset.parquet", "frames.parquet", "ingest.json", "logs")  # of a set's data, in the folder of a shard
 ROOMS = ("datasets", "experiments", "logs", "scenes", "tasks")  # code that makes data
 MEASURED = "train_s"  # metric: goes to times.csv, for results are the same in every run
@@ -119,11 +120,13 @@ def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) ->
         link.unlink(missing_ok=True)
         if (made := data.experiment_folder(each.experiment) / name).exists():
             link.symlink_to(made.resolve())
-    if each.study:
+    if study := shards.study(each):
         if each.models:
             modules.run(own.root, "pipeline.stages.train", each.experiment)
             settings_of(workspace, each.model_copy(update={"models": []}), own, further_of(shard, each))
-        modules.run(own.root, f"pipeline.studies.{each.study}", each.experiment, str(shard.seed))
+        alone = {shard.set: each.model_dump(exclude={"like"}, exclude_defaults=True)}
+        files.write_text(shards.folder(own) / "shards.yaml", json.dumps(alone))  # which the module variants reads
+        modules.run(own.root, f"pipeline.studies.{study}", each.experiment, str(shard.seed))
         keep_study(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
     else:
         for stage in ("train", "evaluate"):
@@ -135,18 +138,19 @@ def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) ->
 def keep_study(
     workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, values: Mapping, core_s: float
 ) -> None:
-    """Keep the tables that a study wrote for one seed, and their line of the index last."""
+    """Keep the tables that a study wrote for one seed, or the rows of variants, and their line of the index last."""
     kept = []
     for table in sorted(own.study_result(each.experiment, "any").parent.glob("*.csv")):
-        kept.append(shards.study_file(workspace, each.experiment, table.stem, shard.seed))
+        result = shards.result_file(workspace, shard.name)
+        kept += [result if each.variants else shards.study_file(workspace, each.experiment, table.stem, shard.seed)]
         files.write_text(kept[-1], table.read_text(encoding="utf-8"))
-    index(workspace, own, shard, each, values["device"], shards.STUDY, shards.digest(kept), core_s)
+    index(workspace, own, shard, each, values["device"], shards.digest(kept), core_s)
     print(f"{shard.name}: {', '.join(path.name for path in kept)}, {core_s / 60:.1f} core-minutes")
 
 
 def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, values: Mapping, core_s: float) -> None:
     """Write the files of a shard, and its line of the index last: what the index does not tell of is not there."""
-    experiment, target = each.experiment, shards.folder(workspace)
+    experiment, target, result = each.experiment, shards.folder(workspace), shards.result_file(workspace, shard.name)
     scores = read_csv(own.scores(experiment), ["model", "value"], f"python -m pipeline.stages.evaluate {experiment}")
     tables = [scores]
     if experiments.facts(experiment).paper:
@@ -162,12 +166,11 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     rows["budget"] = [shard.budget if model in trained else "" for model in rows["model"]]
     rows["variant"] = rows["variant"].fillna(each.variant)
     rows["protocol"] = rows["protocol"].fillna(each.protocols[0])  # of the data of a set, not of all
-    result = target / "results" / f"{shard.name}.csv"
     files.write_table(result, rows.astype({"seed": "Int64"}), missing="nan")
     curves, times = trainings(own, experiment, values)
     files.write_table(target / "curves" / f"{shard.name}.csv", curves)
     shards.upsert(target / "times.csv", shards.TIMES, shard.name, [{"shard": shard.name, **row} for row in times])
-    index(workspace, own, shard, each, values["device"], "+".join(each.protocols), shards.digest([result]), core_s)
+    index(workspace, own, shard, each, values["device"], shards.digest([result]), core_s)
     print(f"{shard.name}: {len(rows)} numbers, {core_s / 60:.1f} core-minutes")
 
 
@@ -177,13 +180,12 @@ def index(
     shard: Shard,
     each: ShardSet,
     device: str,
-    protocol: str,
     digest: str,
     core_s: float,
 ) -> None:
     """Put the line of a shard into the index."""
     line = {
-        "shard": shard.name, "experiment": each.experiment, "protocol": protocol, "seed": shard.seed,
+        "shard": shard.name, "experiment": each.experiment, "protocol": shards.named(each), "seed": shard.seed,
         "budget": shard.budget, "sha256": digest, "core_s": math.ceil(core_s),
         "machine": machine(each.experiment, device), "commit": provenance.git_state(workspace)[0],
         "data_sha256": files.sha256(own.dataset(each.experiment)) if not each.own_data else "",

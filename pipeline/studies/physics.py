@@ -14,7 +14,7 @@ from tqdm import tqdm
 from pipeline.base import arguments, files, params, workers
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
-from pipeline.scoring.variants import COLUMNS, effects
+from pipeline.scoring.studies import PHYSICS, effects
 from pipeline.stability import changed_scene
 
 
@@ -60,7 +60,7 @@ def main(workspace: Workspace) -> None:
     with tqdm(total=len(wanted), desc=f"physics {experiment}", unit="variant") as bar:
         rows = dict(workers.run(run_variant, {key: (values, experiment, *key) for key in wanted}, bar))
     files.write_csv(
-        workspace.study_result(experiment, "physics"), COLUMNS, (row for key in wanted for row in rows[key])
+        workspace.study_result(experiment, "physics"), PHYSICS, (row for key in wanted for row in rows[key])
     )
 
 

@@ -1,4 +1,4 @@
-"""Models that see one tactile image: data, training, tests; see __init__.py."""
+"""Models that see one tactile image (glove, glove_recorded): data, training, tests; see __init__.py."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path

@@ -54,6 +54,9 @@ def fit(path: Path, experiment: str, settings: Mapping, protocol: str, seed: int
     regressor = adapted(build(shapes), shapes)
     task = experiments.module(experiment).task(protocol, settings)
     records = series.seen_in_training(series.read(path, task, protocol, seed))
+    if most := settings["protocols"].get(protocol, {}).get("samples"):
+        records = [series.Record(*(column[-most:] for column in record)) for record in records]
+        records = [record._replace(training=np.ones(len(record.x), dtype=bool)) for record in records]
     if not any(record.training.any() for record in records):
         raise InputError(f"{experiment}, {protocol}: no sample in the training part; record longer")
     return fitted(regressor, records, seed=seed, **fitting)

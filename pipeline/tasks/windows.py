@@ -53,6 +53,12 @@ def spec(settings: Mapping):
     return Spec(settings["window"]["frames"], sensor["rows"], sensor["cols"], label["map_rows"], label["map_cols"])
 
 
+def read(path: Path, settings: Mapping, run: tuple[str, int] | None = None) -> Dataset:
+    """Return a dataset as models see it; arguments: as of read_dataset."""
+    shapes = spec(settings)
+    return read_dataset(path, shapes.frames, shapes.elements, run)
+
+
 def base(experiment: str, settings: Mapping, protocol: str) -> None:
     """Return None: no model of windows starts from another network."""
 
@@ -62,7 +68,7 @@ def fit(
 ) -> Fitted:
     """Return a model fitted to the training windows of one run. Raises InputError where a part has no window."""
     regressor = build(spec(settings))
-    data = read_dataset(path, settings["window"]["frames"], (protocol, seed))
+    data = read(path, settings, (protocol, seed))
     part = data.part(protocol, seed)
     train, validation = (data.windows(part == name, regressor.streams) for name in ("train", "validation"))
     for name, windows in (("train", train), ("validation", validation)):
@@ -85,7 +91,7 @@ def tested(
     """Yield the tests of all runs of one model; `load(protocol, seed, spec)` gives its Trained."""
     module = experiments.module(experiment)
     pooled = module.FACTS.pooled
-    data = read_dataset(path, settings["window"]["frames"])
+    data = read(path, settings)
     condition = schemas.names(data.rows["condition"])
     for protocol, seed in runs:
         run = load(protocol, seed, spec(settings))
@@ -135,7 +141,7 @@ def score(module: ModuleType, y: np.ndarray, predicted: np.ndarray, settings: Ma
 
 def stream(path: Path, experiment: str, settings: Mapping, protocol: str, seed: int) -> tuple:
     """Return (spec, test windows (n, frames, elements)) of one run."""
-    data = read_dataset(path, settings["window"]["frames"])
+    data = read(path, settings)
     return spec(settings), data.x[data.part(protocol, seed) == "test"]
 
 

@@ -143,7 +143,7 @@ def test_a_change_of_a_setting_that_all_read_trains_all(values, train, key):
     assert train() == ALL
 
 
-@pytest.mark.parametrize("key", ["simulate", "latency", "yardstick", "ablation"])
+@pytest.mark.parametrize("key", ["simulate", "latency", "yardstick"])
 def test_a_change_of_another_setting_trains_nothing(values, train, key):
     train()
     values["touch"][key] = values["touch"][key] | {"changed": 1}

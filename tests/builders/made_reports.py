@@ -2,14 +2,13 @@
 
 import copy
 import json
-import shutil
 import sys
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from builders.project import ROOT
+from builders.project import ROOT, small_variants
 from pipeline import experiments
 from pipeline.base.files import sha256, write_table
 from pipeline.base.params import load
@@ -56,12 +55,6 @@ def settings_of(experiment: str) -> dict:
         }
         block["window"] = block["window"] | {"frames": 2}
         block["yardstick"] = block["yardstick"] | {"model": "rnn", "protocol": "press", "published": 0.25}
-        half = {"of": "lomp", "frames": 2}
-        block["ablation"] = {
-            "lomp_half": half | {"settings": {"hidden": 4}},
-            "lomp_alpha_0": half | {"beside": "lomp_half", "settings": {"alpha": 0.0}},
-            "linear_1_frame": {"of": "linear", "frames": 1, "settings": {}},
-        }
     elif experiment == "velostat_recorded":
         block["protocols"] = dict.fromkeys(("repetition", "tip_force_5", "tip_force_10"), all_)
     elif experiment == "strain":
@@ -134,7 +127,7 @@ def write_evidence(workspace, experiment: str) -> None:
     write_table(folder / "results" / "made-0-full.csv", rows[claim_inputs.COLUMNS].astype({"seed": "Int64"}), "nan")
     line = {"shard": "made-0-full", "sha256": sha256(folder / "results" / "made-0-full.csv")}
     shards.upsert(folder / "index.csv", shards.INDEX, "made-0-full", [line])
-    shutil.copy(ROOT / "evidence" / "shards.yaml", folder)
+    small_variants(workspace.root)
 
 
 def write_fit(workspace, experiment: str, model: str, protocol: str, seed: int, block: dict) -> None:
@@ -151,7 +144,7 @@ def write_fit(workspace, experiment: str, model: str, protocol: str, seed: int, 
 
 
 def touch(workspace, settings: dict) -> tuple:
-    """Write frames and ablation of 12 windows a condition; return the dataset, its parts, truth, metrics."""
+    """Write frames and variants of 12 windows a condition; return the dataset, its parts, truth, metrics."""
     rng, n = np.random.default_rng(0), 12 * len(TOUCHES)
     names = np.repeat(list(TOUCHES), 12)
     force, x, y = (np.full((n, 5), np.nan) for _ in range(3))
@@ -180,14 +173,17 @@ def touch(workspace, settings: dict) -> tuple:
     for name, values in (("force_n", force), ("x_mm", x), ("y_mm", y)):
         columns[name] = schemas.lists(values.astype(np.float32), pa.float32())
     ablated = [
-        (name, "press", condition, seed, "rmse", "kPa", level + seed * (1 if name == "lomp_half" else 2), 12)
-        for name, level in {"lomp_half": 20.0, "lomp_alpha_0": 30.0, "linear_1_frame": 93.0}.items()
+        ("press", condition, model, name, "rmse", seed, "kPa", level + seed * (1 if name == "lomp_half" else 2))
+        for name, model, level in (
+            ("lomp_half", "lomp", 20.0),
+            ("lomp_alpha_0", "lomp", 30.0),
+            ("linear_1_frame", "linear", 93.0),
+        )
         for condition in ("single", "double")
         for seed in (SEEDS if name != "linear_1_frame" else SEEDS[1:])
-        if name in settings["ablation"]
+        if model in settings["models"]
     ]
-    header = ["row", "protocol", "condition", "seed", "metric", "unit", "value", "n"]
-    studied(workspace, "touch", "ablation", pd.DataFrame(ablated, columns=header))
+    varied(workspace, "touch", ablated)
     part = np.where((names == "single") & (np.arange(n) % 12 < 4), "train", "test")
     metrics = ["rmse", "peak_error", "location_error", "touches_found", "force_error", "force_rmse", "force_r2", "r2"]
     return pa.table(columns), part, truth, lambda protocol: dict.fromkeys(TOUCHES, metrics)
@@ -227,26 +223,25 @@ def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
         return pa.table(columns), part, truth, lambda p: {days[p.rsplit("_", 1)[0]]: scored[p.rsplit("_", 1)[1]]}
     pairs = [(task, seed) for task in ("task_1", "task_2") for seed in SEEDS]
     networks = {"lstm_direct": 2.0, "lstm_transfer": 3.0, "lstm_transfer_ridge": 3.5}
-    for name, column, values in (("samples", "samples", (100, 1000)), ("strands", "strands", (2, 4))):
-        rows = [
-            (task, model, x, seed, "error", "mm", level + 100 / x + seed)
-            for task, seed in pairs
-            for model, level in networks.items()
-            for x in values
-        ]
-        header = ["protocol", "model", column, "seed", "metric", "unit", "value"]
-        studied(workspace, "strain", name, pd.DataFrame(rows, columns=header))
     rows = [
-        ("task_2", m, b, s, "error", "mm", 3.0 + s)
-        for m in list(networks)[1:]
-        for b in ("task_0", "task_1")
-        for s in SEEDS
+        (task, task, model, f"{name}_{x}", "error", seed, "mm", level + 100 / x + seed)
+        for name, sizes in (("samples", (100, 1000)), ("strands", (2, 4)))
+        for task, seed in pairs
+        for model, level in networks.items()
+        for x in sizes
     ]
-    header = ["protocol", "model", "base", "seed", "metric", "unit", "value"]
-    studied(workspace, "strain", "bases", pd.DataFrame(rows, columns=header))
-    rows = [(task, units, 9, 99, seed, "error", "mm", 9.0 / units + seed) for task, seed in pairs for units in (5, 50)]
-    header = ["protocol", "units", "params", "macs", "seed", "metric", "unit", "value"]
-    studied(workspace, "strain", "capacity", pd.DataFrame(rows, columns=header))
+    rows += [
+        ("task_2", "task_2", model, f"base_{base}", "error", seed, "mm", 3.0 + seed)
+        for model in list(networks)[1:]
+        for base in ("task_0", "task_1")
+        for seed in SEEDS
+    ]
+    for task, seed in pairs:
+        for units in (5, 50):
+            name, model = f"units_{units}", "lstm_direct"
+            rows.append((task, task, model, name, "error", seed, "mm", 9.0 / units + seed))
+            rows += [(task, "any", model, name, cost, seed, "1", n) for cost, n in (("params", 9), ("macs", 99))]
+    varied(workspace, "strain", rows)
     inputs = {"raw voltages": 0.9, "latent of model-0": 0.5}
     rows = [
         (task, seen, target, seed, "r2", "1", level + 0.01 * seed)
@@ -333,6 +328,22 @@ def studied(workspace, experiment: str, table: str, rows: pd.DataFrame) -> None:
         target = shards.study_file(workspace, experiment, table, seed)
         target.parent.mkdir(parents=True, exist_ok=True)
         own.to_csv(target, index=False)
+
+
+def varied(workspace, experiment: str, rows: list[tuple]) -> None:
+    """Keep the runs of variants as the evidence has them, a shard a seed, beside the sets of the miniature.
+
+    rows: protocol, condition, model, variant, metric, seed, unit, value.
+    """
+    columns = ["protocol", "condition", "model", "variant", "metric", "seed", "unit", "value"]
+    table = pd.DataFrame(rows, columns=columns).assign(experiment=experiment, budget="", n=12)
+    for seed, own in table.groupby("seed"):
+        name = f"variants_{experiment}-{seed}-full"
+        write_table(shards.result_file(workspace, name), own[claim_inputs.COLUMNS])
+        line = dict.fromkeys(shards.INDEX, "") | {"shard": name, "experiment": experiment, "seed": seed}
+        line["sha256"] = sha256(shards.result_file(workspace, name))
+        shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, name, [line])
+    small_variants(workspace.root)
 
 
 def by_frames(levels: dict, first: int = 2, form: str = "trained") -> pd.DataFrame:

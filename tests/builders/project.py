@@ -17,7 +17,7 @@ from types import ModuleType
 import pytest
 import yaml
 
-from pipeline.base import modules, params
+from pipeline.base import files, modules, params
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.base.processes import ONE_THREAD
@@ -48,6 +48,15 @@ def miniature_settings(workspace: Workspace) -> dict:
     copied(ROOT / "params.yaml", workspace.root)
     set_values(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()), workspace.params)
     return params.load(workspace.params)
+
+
+def small_variants(folder: Path) -> None:
+    """Put the sets of the evidence into a folder, with the variants of the miniature."""
+    sets = yaml.safe_load((ROOT / "evidence" / "shards.yaml").read_text())
+    for name, variants in yaml.safe_load((ROOT / "tests" / "variants.yaml").read_text()).items():
+        sets[name]["variants"] = variants
+    (folder / "evidence").mkdir(exist_ok=True)
+    (folder / "evidence" / "shards.yaml").write_text(yaml.safe_dump(sets, sort_keys=False))
 
 
 def run_stage(patch: pytest.MonkeyPatch, workspace: Workspace, stage: ModuleType, *arguments: str) -> None:
@@ -95,6 +104,7 @@ class Project:
         for variable in ("MLFLOW_TRACKING_URI", "PYTHONDONTWRITEBYTECODE"):
             self.environment.pop(variable, None)
         shards.upsert(self.folder / "evidence" / "index.csv", shards.INDEX, "", [])  # no shard is at miniature scale
+        small_variants(self.folder)
         self.set(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()))
         self.dvc("init", "--no-scm", "--quiet")
 
@@ -206,16 +216,23 @@ def warm_python(folder: Path) -> Iterator[dict[str, str]]:
 
 
 def run_studies(project: Project) -> None:
-    """Compute all studies of the evidence with two seeds, on the data and models of the miniature itself."""
+    """Compute all studies and variants of the evidence with two seeds, on the data and models of the miniature."""
     workspace = Workspace(project.folder)
-    computed = {(each.study, each.experiment) for each in shards.read_sets(Workspace(ROOT)).values() if each.study}
+    sets = shards.read_sets(workspace).items()
+    computed = {(study, each.experiment): name for name, each in sets if (study := shards.study(each))}
     for seed in (0, 1):
         project.stages(*(f"studies.{study} {experiment} {seed}" for study, experiment in sorted(computed)))
         for experiment in ("touch", "strain", "glove"):
             for table in workspace.study_result(experiment, "any").parent.glob("*.csv"):
+                name = f"{computed.get((table.stem, experiment))}-{seed}-full"
                 kept = shards.study_file(workspace, experiment, table.stem, seed)
+                kept = shards.result_file(workspace, name) if table.stem == shards.VARIANTS else kept
                 kept.parent.mkdir(parents=True, exist_ok=True)
                 table.rename(kept)
+                if table.stem == shards.VARIANTS:
+                    line = dict.fromkeys(shards.INDEX, "") | {"shard": name, "experiment": experiment, "seed": seed}
+                    line["sha256"] = files.sha256(kept)
+                    shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, name, [line])
     index = shards.folder(workspace) / "index.csv"
     index.write_text(index.read_text() + "\n")  # tells DVC that there is something new
 

@@ -26,7 +26,7 @@ def path(tmp_path):
 
 
 def test_a_run_is_read_without_the_windows_that_it_does_not_use(path):
-    every, own = read_dataset(path, 2), read_dataset(path, 2, ("press", 1))
+    every, own = read_dataset(path, 2, 2), read_dataset(path, 2, 2, ("press", 1))
     used = every.part("press", 1) != "unused"
     assert used.sum() == 5 and own.x.shape == (5, 2, 2)
     np.testing.assert_array_equal(own.x, every.x[used])
@@ -38,10 +38,10 @@ def test_a_run_is_read_without_the_windows_that_it_does_not_use(path):
 
 
 def test_a_window_whose_predecessor_is_unused_starts_from_zero(path):
-    own = read_dataset(path, 2, ("press", 1))
+    own = read_dataset(path, 2, 2, ("press", 1))
     assert own.rows["previous"].to_pylist() == [-1, 0, 1, -1, 3]
 
 
 def test_a_run_that_the_dataset_does_not_have_is_one_sentence(path):
     with pytest.raises(InputError, match="dataset.parquet: .*split_press_7"):
-        read_dataset(path, 2, ("press", 7))
+        read_dataset(path, 2, 2, ("press", 7))

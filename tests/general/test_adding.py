@@ -42,6 +42,10 @@ def build(spec: Spec, *, ridge: float) -> SklearnRegressor:
     """Return the unfitted model."""
     return SklearnRegressor(lambda seed: Ridge(ridge), spec, count=lambda fitted: fitted.coef_.size, macs=None)
 '''
+VARIANT = "{models: [lstm_direct], protocols: [task_1], set: {strain.models.lstm_direct.units: %d}}"
+STUDY = (
+    f"capacity: {{like: strain, seeds: 1, minutes: 1, variants: {{units_3: {VARIANT % 3}, units_5: {VARIANT % 5}}}}}\n"
+)
 EXPERIMENT = '''\
 """Read presses on pads, whose logs are as those of the paper's array."""
 
@@ -52,10 +56,9 @@ from pipeline.experiments.touch import (  # all that `experiments` asks for
     KIND, SCORES, STRESSED, frames_schema, labels, read_in_parts, read_recording, recordings, split,
 )
 
-FACTS = replace(touch.FACTS, label="Pads", log=None, paper=None, twin=None, studies=())
+FACTS = replace(touch.FACTS, label="Pads", log=None, paper=None, twin=None)
 '''
 ROW = '    pads: Touch = Field(description="Presses on pads")\n'
-STUDY = "capacity: {like: strain, study: latent, models: [lstm_direct], seeds: 1, minutes: 1}\n"
 STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render")
 
 
@@ -90,7 +93,7 @@ def test_a_model_of_two_files_is_trained_and_in_the_report(tmp_path):
     project = Project(tmp_path)
     copy_code(project.folder)
     (project.folder / "pipeline" / "models" / "whole_ridge.py").write_text(MODEL)
-    few = {"touch.simulate.specimens": 1, "touch.protocols.press.seeds": [0], "touch.ablation": {}}
+    few = {"touch.simulate.specimens": 1, "touch.protocols.press.seeds": [0]}
     project.set({"touch.models": {"constant": {}, "linear": {}, "whole_ridge": {"ridge": 1.0}}} | few)
     project.stages(*(f"stages.{stage} touch" for stage in STAGES))
     report = project.folder / "reports" / "touch"

@@ -148,6 +148,9 @@ RUNNABLE = [
 ]
 
 
+SETS = shards.read_sets(Workspace(ROOT))
+
+
 def run_by_dvc() -> set[str]:
     """The modules that the commands of both dvc.yaml name, also by a variable of a stage, the key of its
     entries, or the study of a set of the evidence."""
@@ -163,7 +166,7 @@ def run_by_dvc() -> set[str]:
             for stage in stages
             for key in keys
         }
-    return modules | {f"pipeline.studies.{each.study}" for each in shards.read_sets(Workspace(ROOT)).values()}
+    return modules | {f"pipeline.studies.{shards.study(each)}" for each in SETS.values()}
 
 
 RUN_BY_DVC = run_by_dvc()
@@ -178,7 +181,7 @@ def test_a_stage_or_study_says_how_it_is_run_and_dvc_runs_it(name):
     assert name in RUN_BY_DVC
 
 
-STUDIES = {name: each for name, each in shards.read_sets(Workspace(ROOT)).items() if each.study}
+STUDIES = {name: each for name, each in SETS.items() if each.study}
 SEED = 7  # no other number that a study is called with
 
 

@@ -123,6 +123,8 @@ def test_predict_finds_the_recordings_that_the_experiment_finds(name, tmp_path):
     wanted = [path / log if log else path for path in experiments.module(name).recordings(tmp_path)]
     logs = recordings.logs(tmp_path, name)
     assert logs == wanted and len(wanted) > 1
+    called = [log] if log else [Path(path).name for path in sources.files(name)]  # as is a load cell's log beside one
+    assert {path.name for path in wanted} == set(called)
     assert recordings.logs(wanted[0], name) == wanted[:1]
 
 

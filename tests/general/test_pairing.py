@@ -18,7 +18,7 @@ from pipeline.reporting import glove
 from pipeline.reporting.page import answers
 from pipeline.reporting.report import Report
 from pipeline.reporting.verdicts import physics, sizes
-from pipeline.scoring import claim_inputs, ladders, one_table, shards, variants
+from pipeline.scoring import claim_inputs, one_table, shards, studies
 
 LEVELS = {"linear": {0: 9.0, 1: 5.0, 2: 5.1}, "poly": {2: 3.85, 0: 8.0, 1: 3.95}}
 ONE, OTHER = (np.array([LEVELS[model][seed] for seed in range(3)]) for model in LEVELS)
@@ -109,16 +109,19 @@ def test_effects_of_a_scene(workspace):
     """Of the logarithms of the ratio, with the 90 % interval of two one-sided tests."""
     table = pd.DataFrame(rows({"linear": physics.NONE, "poly": "creep"}), columns=["effect", "seed", "value"])
     table = table.assign(condition="single", model="cnn", metric="rmse", unit="kPa")
-    study(workspace, "touch", "physics", table, variants.COLUMNS)
+    study(workspace, "touch", "physics", table, studies.PHYSICS)
     (judged,) = physics.assess(physics.read(workspace, "touch", [physics.NONE, "creep"], ["cnn"]))
     low, high = np.expm1(interval(np.log(OTHER / ONE), 0.9))
     assert (judged.changes[0].low, judged.changes[0].high) == pytest.approx((low, high), rel=1e-4)
 
 
-def test_sizes(workspace):
+def test_sizes():
     """The excess of a size over the best one."""
     table = pd.DataFrame(rows({"linear": 8.0, "poly": 16.0}), columns=["size", "seed", "value"])
-    table = table.assign(condition="single", family="lomp", metric="rmse", unit="kPa", params=1, macs=1)
-    study(workspace, "touch", "sizes", table, ladders.COLUMNS)
-    judged = sizes.judge(sizes.read(workspace, "touch", {"lomp": [8.0, 16.0]})).set_index("size").loc[8.0]
+    table = table.assign(variant=table["size"].map("hidden_{:g}".format), experiment="touch", protocol="press")
+    costs = [table.assign(condition="any", metric=cost, value=1) for cost in ("params", "macs")]
+    table = pd.concat([table.assign(condition="single", metric="rmse"), *costs]).assign(
+        model="lomp", unit="", budget=""
+    )
+    judged = sizes.judge(studies.ladders(one_table.Results(table).table, "touch")).set_index("size").loc[8.0]
     assert (judged["excess_low"], judged["excess_high"]) == pytest.approx(interval(ONE / OTHER - 1))

@@ -311,7 +311,7 @@ def test_a_missing_file_is_named(workspace, made, unplotted, monkeypatch, experi
 @pytest.mark.parametrize("experiment", ["touch", "strain", "glove"])
 def test_a_study_that_was_not_computed_is_said_and_nothing_breaks(workspace, made, unplotted, monkeypatch, experiment):
     settings = made(experiment)
-    shutil.rmtree(shards.folder(workspace) / "studies")
+    shutil.rmtree(shards.folder(workspace))
     rows = claim_inputs.rows(workspace, experiment, settings)
     rows.to_csv(workspace.claim_inputs(experiment), index=False)
     target = made_reports.rendered(workspace, experiment, settings, monkeypatch) / "accuracy"

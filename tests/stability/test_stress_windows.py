@@ -13,10 +13,10 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
-from pipeline.datasets.windows import read_dataset
 from pipeline.scenes import touch, touch_stress
 from pipeline.stability import windows as stress_windows
 from pipeline.stages import dataset, evaluate, ingest, simulate, stress, train, window
+from pipeline.tasks import windows
 
 PERTURBATIONS = {"noise": [0.01, 0.03], "dead": [2], "specimen": [1], "press_speed": [-1], "touches": [1, 2]}
 
@@ -187,7 +187,7 @@ def test_own_logs_have_no_scene_to_perturb():
 def test_perturbed_counts_stay_what_the_adc_can_print(workspace, project):
     project(small())
     values = small()
-    data = read_dataset(workspace.dataset("touch"), 8)
+    data = windows.read(workspace.dataset("touch"), values["touch"])
     train_part = data.part("press", 0) == "train"
     change = stress_windows.perturber(values["touch"], data, train_part)
     for name, severity in (("noise", 0.5), ("gain_drift", 2.0), ("offset_drift", 0.5), ("jitter", 1.0)):

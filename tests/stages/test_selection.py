@@ -17,11 +17,12 @@ from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import TorchRegressor, zero_linear
 from pipeline.learning.trained import Fitted
 from pipeline.scoring import metrics
+from pipeline.settings.shards import Variant
 from pipeline.settings.training import AugmentedTraining, WindowTraining
 from pipeline.stability import changed_scene
 from pipeline.stages import train as train_stage
 from pipeline.studies import physics as physics_study
-from pipeline.studies import sizes
+from pipeline.studies import variants
 
 EPOCHS, FRAMES, ELEMENTS, OUTPUTS = 5, 2, 3, 4
 PART = np.repeat(["train", "validation", "test"], [80, 20, 20])
@@ -100,12 +101,12 @@ def values(monkeypatch):
     touch["sensor"] |= {"rows": 1, "cols": ELEMENTS}
     touch["label"] |= {"map_rows": 2, "map_cols": OUTPUTS // 2}
     touch["models"], glove["models"] = {"cnn": CNN}, {"sp_resnet": SP_RESNET}
-    values["rightsize"]["touch"]["window"] |= {"training": {"epochs": EPOCHS}}
     values["physics"]["touch"] |= {"protocols": ["press"], "models": {"cnn": CNN}}
     values["physics"]["glove"] |= {"protocols": ["session_pressure"], "models": {"sp_resnet": SP_RESNET}}
     monkeypatch.setattr(metrics, "touch", lambda *arguments: [("rmse", "kPa", 1.0, 1)])
     monkeypatch.setattr(models, "build", lambda key, spec, block, where: linear(spec, **block))
-    monkeypatch.setattr(sizes, "narrow_sp_resnet", linear)
+    monkeypatch.setattr(variants, "varied", lambda *given: values)
+    monkeypatch.setattr(variants.Setting, "rows", lambda *given: iter(()))
     return values
 
 
@@ -135,14 +136,15 @@ def of_train_images(workspace, values, wrong, folder):
     train_stage.train_run(workspace, values, "glove", "sp_resnet", "session_pressure", 0, folder / "run", nothing)
 
 
-def of_rightsize_touch(workspace, values, wrong, folder):
+def of_variant_touch(workspace, values, wrong, folder):
     windows_dataset(workspace.dataset("touch"), wrong)
-    sizes.touch_run(workspace, values, "window", 1, 0, nothing)
+    variants.run(workspace, values, "touch", "one", Variant(models=["cnn"], protocols=["press"]), 0, nothing)
 
 
-def of_rightsize_glove(workspace, values, wrong, folder):
+def of_variant_glove(workspace, values, wrong, folder):
     images_dataset(workspace.dataset("glove"), wrong)
-    sizes.glove_run(workspace, values, "pressure", 0.25, 0, nothing)
+    one = Variant(models=["sp_resnet"], protocols=["session_pressure"])
+    variants.run(workspace, values, "glove", "one", one, 0, nothing)
 
 
 def ablation(workspace, values, experiment) -> list:
@@ -161,7 +163,7 @@ def of_physics_glove(workspace, values, wrong, folder):
     ablation(workspace, values, "glove")
 
 
-STAGES = (of_train, of_train_images, of_rightsize_touch, of_rightsize_glove)
+STAGES = (of_train, of_train_images, of_variant_touch, of_variant_glove)
 STAGES += (of_physics_touch, of_physics_glove)
 
 

@@ -13,9 +13,10 @@ from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.scoring import shards, studies
 from pipeline.scoring.shards import Shard
+from pipeline.settings.shards import Variant
 from pipeline.stages import shard
 
-LATENT = ("bases", "capacity", "drift", "latents", "samples", "strands")
+LATENT = ("drift", "latents")
 SETS = shards.read_sets(Workspace(ROOT))
 
 
@@ -52,7 +53,7 @@ def test_a_set_is_of_settings_that_there_are(name, tmp_path):
 def test_sets_that_share_data_ask_for_the_same():
     stages = yaml.safe_load((ROOT / "evidence" / "dvc.yaml").read_text())["stages"]
     for name, each in SETS.items():
-        if each.like and not each.study:
+        if each.like and not (each.study or each.variants):
             other = SETS[each.like]
             assert stages[name]["params"][1] == {"evidence/shards.yaml": [each.like, name]}
             assert (each.experiment, other.like) == (other.experiment, ""), name
@@ -142,6 +143,40 @@ def test_a_study_keeps_its_tables_and_comes_out_the_same(strain, tmp_path):
     assert shards.read(workspace).empty  # its tables are no rows of the one table
     drift = studies.read(workspace, "strain", "drift", ["target", "value"])
     assert "true drift" in set(drift["target"]) and drift["value"].notna().all()
+
+
+@pytest.mark.slow
+def test_variants_are_rows_of_the_one_table_and_come_out_the_same(strain, tmp_path):
+    """On the data and from the network of the set that theirs is like; the rows are those of the module alone."""
+    checkout, _ = strain
+    workspace = Workspace(tmp_path)
+    copied(checkout.params, workspace.root)
+    shutil.copytree(checkout.root / "build", workspace.root / "build", symlinks=True)
+    units, transfer = {"strain.models.lstm_direct.units": 3}, ["lstm_direct", "lstm_transfer"]
+    small = {
+        "units_3": Variant(models=["lstm_direct"], protocols=["task_1"], set=units),
+        "strands_2": Variant(models=transfer, set={"strain.sensor.channels": 2}),
+    }
+    few = {"seeds": 1, "set": {}}
+    sets = {"strain": SETS["strain"].model_copy(update=few)}
+    sets["variants_strain"] = SETS["variants_strain"].model_copy(update=few | {"variants": small})
+    result, made = shards.result_file(workspace, "variants_strain-0-full"), []
+    for _ in range(2):
+        shard.compute(workspace, Shard("variants_strain", 0, "full"), sets)
+        made.append(result.read_bytes())
+    assert made[0] == made[1]
+    (line,) = pd.read_csv(shards.folder(workspace) / "index.csv").to_dict("records")
+    assert (line["protocol"], line["sha256"]) == ("task_1+task_2+task_0", files.sha256(result))
+    assert not (shards.folder(workspace) / "studies").exists() and not (shards.folder(workspace) / "times.csv").exists()
+    rows = shards.read(workspace)
+    scored = rows[rows["metric"] == "error"]
+    assert set(zip(scored["variant"], scored["model"], scored["protocol"], strict=True)) == {
+        ("units_3", "lstm_direct", "task_1"),
+        *(("strands_2", model, f"task_{k}") for model in transfer for k in range(3)),
+    }
+    assert len(scored) == 7 and (scored["value"] > 0).all() and set(rows["seed"]) == {0} and rows["budget"].isna().all()
+    costs = rows[(rows["metric"] == "params") & (rows["protocol"] == "task_1")].set_index(["variant", "model"])["value"]
+    assert costs["units_3", "lstm_direct"] == 4 * 3 * (6 + 3 + 1) + 3  # gates of three units, read-out
 
 
 @pytest.mark.parametrize("model", ["rnn", shards.DATA])

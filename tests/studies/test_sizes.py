@@ -1,22 +1,23 @@
 """What size of a ladder is enough, and that its rungs are the papers' own models."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
 import torch
-from builders.made_reports import studied
 
 from pipeline.base.errors import InputError
+from pipeline.learning.residual_blocks import separable_network
 from pipeline.models import sp_resnet
 from pipeline.reporting import tables
 from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.verdicts import sizes as sizes_verdicts
 from pipeline.reporting.verdicts.sizes import Reference
-from pipeline.scoring import ladders, shards
+from pipeline.scoring import shards, studies
 from pipeline.scoring.claim_inputs import FULL, KEY
 from pipeline.scoring.one_table import Results
 from pipeline.scoring.results import SHARE, estimate
-from pipeline.studies import sizes
 
 NAN = float("nan")
 
@@ -39,14 +40,14 @@ def test_a_size_is_enough_where_it_is_certainly_within_5_percent_of_the_best(err
 
 
 def runs(family, metric, unit, values, condition="single"):
-    """Rows of rightsize.csv; values: size -> a value a seed."""
-    experiment = ladders.FAMILIES[family].experiment
+    """The runs of a ladder; values: size -> a value a seed."""
+    experiment = studies.FAMILIES[family].experiment
     rows = [
         (experiment, condition, family, float(size), 100 * size, metric, unit, seed, value, 1000 * size)
         for size, ones in values.items()
         for seed, value in enumerate(ones)
     ]
-    return pd.DataFrame(rows, columns=ladders.COLUMNS)
+    return pd.DataFrame(rows, columns=studies.LADDER)
 
 
 def test_judged_rows_have_means_intervals_and_one_choice():
@@ -129,7 +130,7 @@ def test_intervals_of_the_figure_are_those_of_the_table(tmp_path, monkeypatch):
 def test_full_width_is_the_published_network():
     x = torch.randn(2, 1, 32, 32)
     networks = []
-    for make in (lambda: sizes.narrow_network(1, 16, 1.0, 16), lambda: sp_resnet.network(1, 16, 16)):
+    for make in (lambda: sp_resnet.network(1, 16, 16, 1.0), lambda: separable_network(1, 16, 16)):
         torch.manual_seed(0)
         networks.append(make().eval())
     ours, published = networks
@@ -139,43 +140,80 @@ def test_full_width_is_the_published_network():
 
 def test_narrow_networks_shrink_and_impossible_widths_are_refused():
     counts = [
-        sum(weight.numel() for weight in sizes.narrow_network(1, 16, width, 16).parameters())
+        sum(weight.numel() for weight in sp_resnet.network(1, 16, 16, width).parameters())
         for width in (1 / 64, 0.125, 0.25, 0.5, 1.0)
     ]
     assert counts == sorted(counts) and counts[3] < counts[4] / 3
-    with pytest.raises(InputError, match="a width of 0.3 leaves 19.2 of 64 channels"):
-        sizes.narrow_network(1, 16, 0.3, 16)
 
 
-def test_settings_that_cannot_be_are_refused(workspace):
-    values = {"touch": {"window": {"frames": 8}}, "rightsize": {"touch": {"lomp": {}, "window": {"sizes": [4, 9]}}}}
-    with pytest.raises(InputError, match="a window has 8 frames"):
-        sizes.touch(workspace, values, 0)
+def table(ladders: pd.DataFrame) -> pd.DataFrame:
+    """The runs of ladders as rows of the one table, beside scores and variants that are of no ladder."""
+    of = ladders["family"].map(studies.FAMILIES)
+    rows = ladders.assign(
+        model=[each.model for each in of],
+        variant=[f"{each.name}_{size:g}" for each, size in zip(of, ladders["size"], strict=True)],
+        protocol=[studies.protocol(*place) for place in zip(ladders["experiment"], ladders["condition"], strict=True)],
+    )
+    costs = [rows.assign(condition="any", metric=cost, value=rows[cost]) for cost in ("params", "macs")]
+    rows = pd.concat([rows, *(cost.drop_duplicates(["protocol", "variant", "seed"]) for cost in costs)])
+    others = [rows.assign(metric="peak_error"), rows.assign(variant="lomp_half"), rows.assign(model="other")]
+    others += [rows[rows["experiment"] == "touch"].assign(condition="slide")]
+    others = pd.concat(others).drop_duplicates([*KEY, "seed"])
+    whole = pd.concat([rows, others[~others["metric"].isin(["params", "macs"])]]).assign(budget="")
+    return Results(whole[[*KEY, "seed", "budget", "unit", "value"]]).table
+
+
+def test_ladders_are_read_from_the_variants_of_the_one_table():
+    both = pd.concat(
+        [runs("lomp", "rmse", "kPa", {8: [1, 2], 32: [3, 4]}), runs("window", "rmse", "kPa", {1: [1, NAN]})]
+    )
+    of_strain = runs("lstm", "error", "mm", {5: [0.5]}, condition="task_1")
+    of_glove = runs("sp_resnet", "macro_precision", "1", {0.25: [0.5], 1: [0.6]}, condition="strain")
+    whole = table(pd.concat([both, of_strain, of_glove]))
+    for experiment, wanted in {"touch": both, "strain": of_strain, "glove": of_glove}.items():
+        found = studies.ladders(whole, experiment)
+        key = ["family", "condition", "size", "seed"]
+        pd.testing.assert_frame_equal(
+            found.sort_values(key, ignore_index=True), wanted.sort_values(key, ignore_index=True), check_dtype=False
+        )
+    assert studies.ladders(whole[:0], "touch").empty
+
+
+VARIANTS = {  # of the ladders that evidence/shards.yaml asks for
+    "touch": ["hidden_8", "window_1", "lomp_half"],
+    "strain": ["units_5"],
+}
 
 
 @pytest.mark.parametrize(
-    ("sizes_wanted", "frames", "words"),
-    [([8], [1], None), ([8, 16], [1], "lomp, condition single, size 16, seed 0"), ([8], [1, 4], "window.*size 4")],
+    ("experiment", "further", "words"),
+    [
+        ("touch", [], None),
+        ("touch", ["hidden_16"], "lomp, condition single, size 16.0, seed 0"),
+        ("touch", ["window_4"], "window, condition single, size 4.0, seed 0"),
+        ("touch", ["width_4", "units_7"], None),  # ladders of others
+        ("strain", [], None),
+        ("strain", ["units_50"], "lstm, condition task_1, size 50.0, seed 0"),
+    ],
 )
-def test_a_run_that_params_yaml_asks_for_and_the_file_lacks_is_an_error(workspace, sizes_wanted, frames, words):
-    wanted = {"lomp": sizes_wanted, "window": frames}
-    assert sizes_verdicts.read(workspace, "touch", wanted).empty
-    table = pd.concat([runs("lomp", "rmse", "kPa", {8: [1, 2]}), runs("window", "rmse", "kPa", {1: [1, NAN]})])
-    studied(workspace, "touch", "sizes", table)
+def test_a_run_that_the_evidence_asks_for_and_that_is_missing_is_an_error(workspace, experiment, further, words):
+    sets = {
+        name: {"experiment": name, "data": "a", "protocols": ["press"], "seeds": 2, "minutes": 1}
+        | {"variants": {one: {"models": ["x"]} for one in [*known, *(further if name == experiment else [])]}}
+        for name, known in VARIANTS.items()
+    }
+    shards.folder(workspace).mkdir()
+    (shards.folder(workspace) / "shards.yaml").write_text(json.dumps(sets))
+    assert sizes_verdicts.read(
+        workspace, Results(table(runs("sp_resnet", "accuracy", "1", {1: [1]}))), experiment
+    ).empty
+    both = [runs("lomp", "rmse", "kPa", {8: [1, 2]}), runs("window", "rmse", "kPa", {1: [1, NAN]})]
+    rows = Results(table(pd.concat([*both, runs("lstm", "error", "mm", {5: [1, 2]}, condition="task_1")])))
     if words is None:
-        assert len(sizes_verdicts.read(workspace, "touch", wanted)) == 4
+        assert len(sizes_verdicts.read(workspace, rows, experiment)) == {"touch": 4, "strain": 2}[experiment]
     else:
-        with pytest.raises(InputError, match=words):
-            sizes_verdicts.read(workspace, "touch", wanted)
-
-
-def test_the_ladder_of_strain_is_the_capacity_of_its_study(workspace):
-    path = shards.study_file(workspace, "strain", "capacity", 0)
-    path.parent.mkdir(parents=True)
-    path.write_text("protocol,units,params,macs,seed,metric,unit,value\ntask_1,5,70,60,0,error,mm,0.5\n")
-    (row,) = ladders.read(workspace, "strain").to_dict("records")
-    wanted = {"experiment": "strain", "condition": "task_1", "family": "lstm", "size": 5, "params": 70, "macs": 60}
-    assert row == wanted | {"metric": "error", "unit": "mm", "seed": 0, "value": 0.5}
+        with pytest.raises(InputError, match=f"no row for family {words}; run `tactile evidence` again"):
+            sizes_verdicts.read(workspace, rows, experiment)
 
 
 def test_every_ladder_of_the_miniature_is_climbed_and_judged(miniature):

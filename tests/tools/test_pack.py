@@ -310,7 +310,8 @@ def test_the_code_of_a_shard_imports_what_is_there_or_travels(bare):
     names = [f"pipeline.stages.{name}" for name in stages]
     for room in COMPUTES:
         names += [f"pipeline.{room}.{path.stem}" for path in (ROOT / "pipeline" / room).glob("[a-z]*.py")]
-    names += [f"pipeline.studies.{each.study}" for each in shards.read_sets(Workspace(ROOT)).values() if each.study]
+    sets = shards.read_sets(Workspace(ROOT)).values()
+    names += [f"pipeline.studies.{study}" for each in sets if (study := shards.study(each))]
     code = f"import importlib\nfor name in {sorted(set(names))}:\n    importlib.import_module(name)"
     path = f"{bare}{os.pathsep}{ROOT}"
     subprocess.run([sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": path}, check=True)
@@ -397,7 +398,7 @@ def write_shard(folder, name, experiment, tables, protocol="study", **line):
     shards.upsert(folder / "index.csv", shards.INDEX, name, [line])
 
 
-LATENT = [f"studies/strain/{name}-1.csv" for name in ("bases", "capacity", "drift", "latents", "samples", "strands")]
+LATENT = [f"studies/strain/{name}-1.csv" for name in ("drift", "latents")]
 
 
 @pytest.mark.slow
@@ -423,9 +424,9 @@ def test_what_is_taken_is_as_indexed_and_of_this_checkout(project, take, tmp_pat
     assert "0 shards taken; 2 were there" in take(out)
     assert {path: path.stat().st_mtime_ns for path in evidence.rglob("*") if path.is_file()} == before
 
-    (out / LATENT[2]).write_text("another drift")
+    (out / LATENT[0]).write_text("another drift")
     shards.upsert(evidence / "index.csv", shards.INDEX, "latent_strain-1-full", [])
-    with pytest.raises(InputError, match="bases-1.csv: not the file that index.csv beside it tells of"):
+    with pytest.raises(InputError, match="drift-1.csv: not the file that index.csv beside it tells of"):
         take(out)
     shutil.rmtree(out)
     with pytest.raises(InputError, match="no index.csv in it"):

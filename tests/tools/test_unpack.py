@@ -18,10 +18,11 @@ from pipeline.base.paths import Workspace
 from pipeline.scoring import shards
 from tools import unpack
 
-SHARD, STUDY, OTHER = "strain-0-half", "ablation_touch-0-full", "ablation_touch-1-full"
-RESULT, CURVES = f"results/{SHARD}.csv", f"curves/{SHARD}.csv"
-TABLE = "studies/touch/ablation-0.csv"
-OUTPUTS = {"strain@0-half": [Path(RESULT)], "ablation_touch@0-full": [Path(TABLE)]}
+SHARD, STUDY, VARIED = "strain-0-half", "input_frames_glove-0-full", "variants_glove-0-full"
+RESULT, CURVES, ROWS = f"results/{SHARD}.csv", f"curves/{SHARD}.csv", f"results/{VARIED}.csv"
+TABLE = "studies/glove/input_frames-0.csv"
+INDEXED = {RESULT: SHARD, TABLE: STUDY, ROWS: VARIED}
+OUTPUTS = {"@".join(name.split("-", 1)): [Path(file)] for file, name in INDEXED.items()}
 EVIL = "--upload-pack=touch pwned"
 
 
@@ -42,9 +43,9 @@ def checkout(tmp_path, monkeypatch) -> Workspace:
     made.root.mkdir()
     copied(ROOT / "params.yaml", made.root)
     evidence = made.root / "evidence"
-    (evidence / "studies" / "touch").mkdir(parents=True)
+    (evidence / "studies" / "glove").mkdir(parents=True)
     shutil.copy(ROOT / "evidence" / "shards.yaml", evidence)
-    shutil.copy(ROOT / "evidence" / "studies" / "touch" / "ablation-1.csv", evidence / "studies" / "touch")
+    shutil.copy(ROOT / "evidence" / TABLE, evidence / "studies" / "glove" / "input_frames-1.csv")  # as of another seed
     monkeypatch.setattr(unpack, "outputs", lambda workspace: OUTPUTS)
 
     def run(command, **options):
@@ -57,22 +58,22 @@ def checkout(tmp_path, monkeypatch) -> Workspace:
 
 @pytest.fixture
 def out(tmp_path) -> Path:
-    """Return a folder as run.py leaves it, of one shard and one study."""
+    """Return a folder as run.py leaves it, of one shard, one study and one of variants."""
     folder = tmp_path / "out"
-    for name in (RESULT, CURVES, TABLE):
+    for name in (*INDEXED, CURVES):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / "evidence" / name, folder / name)
     for name in ("index.csv", "times.csv"):
         rows = (ROOT / "evidence" / name).read_text().splitlines(keepends=True)
-        mine = [row for row in rows[1:] if row.startswith((f"{SHARD},", f"{STUDY},"))]
+        mine = [row for row in rows[1:] if row.startswith(tuple(f"{name}," for name in INDEXED.values()))]
         (folder / name).write_text("".join([rows[0], *mine]))
     return folder
 
 
 def test_a_folder_as_run_left_it_is_taken(checkout, out, capsys):
     unpack.main(checkout, argparse.Namespace(folder=out))
-    assert "2 shards taken; 0 were there" in capsys.readouterr().out
-    for name in (RESULT, CURVES, TABLE, "index.csv", "times.csv"):
+    assert "3 shards taken; 0 were there" in capsys.readouterr().out
+    for name in (*INDEXED, CURVES, "index.csv", "times.csv"):
         assert (checkout.root / "evidence" / name).read_bytes() == (out / name).read_bytes(), name
 
 
@@ -86,7 +87,7 @@ def value(file: str, column: str, new: str, row: int = 0, indexed: bool = True) 
         lines = list(csv.DictReader(io.StringIO((folder / file).read_text())))
         lines[row][column] = new
         write(folder / file, lines)
-        if indexed and file in (RESULT, TABLE):
+        if indexed and file in INDEXED:
             index(folder, file)
 
     return change
@@ -103,7 +104,7 @@ def index(folder: Path, file: str) -> None:
     """Note the digest of a file in the line of its shard."""
     lines = list(csv.DictReader(io.StringIO((folder / "index.csv").read_text())))
     for line in lines:
-        if line["shard"] == (SHARD if file == RESULT else STUDY):
+        if line["shard"] == INDEXED[file]:
             line["sha256"] = shards.digest([folder / file])
     write(folder / "index.csv", lines)
 
@@ -111,7 +112,7 @@ def index(folder: Path, file: str) -> None:
 def content(file: str, new: bytes) -> Change:
     def change(folder: Path) -> None:
         (folder / file).write_bytes(new)
-        if file in (RESULT, TABLE):
+        if file in INDEXED:
             index(folder, file)
 
     return change
@@ -145,7 +146,7 @@ def removed_column(file: str, column: str) -> Change:
     def change(folder: Path) -> None:
         rows = list(csv.DictReader(io.StringIO((folder / file).read_text())))
         write(folder / file, [{name: each for name, each in row.items() if name != column} for row in rows])
-        if file in (RESULT, TABLE):
+        if file in INDEXED:
             index(folder, file)
 
     return change
@@ -193,6 +194,13 @@ HOSTILE: dict[str, Change] = {
     "a study's model of nobody": value(TABLE, "seed", "7"),
     "a study's endless value": value(TABLE, "value", "-Infinity"),
     "a study's column too few": removed_column(TABLE, "n"),
+    "a variant of nobody": value(ROWS, "variant", "width_3"),
+    "no variant": value(ROWS, "variant", ""),
+    "a variant's model of nobody": value(ROWS, "model", "tree"),
+    "a variant's protocol of nobody": value(ROWS, "protocol", "random_frames_strain"),
+    "a variant's endless value": value(ROWS, "value", "inf"),
+    "a changed variant": value(ROWS, "value", "0.001", indexed=False),
+    "times of a variant": value("times.csv", "shard", VARIED),
     "an empty result": content(RESULT, b""),
     "only a header": content(RESULT, b"experiment,protocol,condition,model,variant,metric,seed,budget,unit,value,n\n"),
     "a binary result": content(RESULT, bytes(range(256))),
@@ -221,7 +229,7 @@ HOSTILE: dict[str, Change] = {
     "a linked result": link(RESULT),
     "linked curves": link(CURVES),
     "a linked folder": link("results"),
-    "a linked folder of studies": link("studies/touch"),
+    "a linked folder of studies": link("studies/glove"),
     "a pipe for times": fifo("times.csv"),
     "a pipe for a result": fifo(RESULT),
     "a missing result": lambda folder: (folder / RESULT).unlink(),

@@ -19,8 +19,8 @@ from scipy.special import stdtrit
 
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
-from pipeline.scoring import complete, studies
-from pipeline.scoring.variants import COLUMNS, NONE
+from pipeline.scoring import studies
+from pipeline.scoring.studies import NONE, PHYSICS
 
 MARGIN = 0.05  # share of a model's error
 SIDE = 0.95  # confidence of each of the two one-sided tests
@@ -67,15 +67,15 @@ def read(workspace: Workspace, experiment: str, effects: Iterable[str], models: 
 
     Raises InputError for a run of a computed seed that is missing or there twice.
     """
-    scores = studies.read(workspace, experiment, "physics", COLUMNS)
+    scores = studies.read(workspace, experiment, "physics", PHYSICS)
     runs = itertools.product(effects, *(dict.fromkeys(scores[name]) for name in ("seed", "condition")), models)
     where = workspace.root / "evidence" / "studies" / experiment
-    complete.check(scores, where, ["effect", "seed", "condition", "model"], runs, studies.MADE_BY)
+    studies.check(scores, where, ["effect", "seed", "condition", "model"], runs, studies.MADE_BY)
     return scores
 
 
 def errors(scores: pd.DataFrame) -> pd.DataFrame:
-    """Return `scores` (variants.COLUMNS) with a column `error`: the value, or 1 - accuracy; infinite for a failed run.
+    """Return `scores` (variants.PHYSICS) with a column `error`: the value, or 1 - accuracy; infinite for a failed run.
 
     At least LOWEST, so that it has a logarithm.
     """

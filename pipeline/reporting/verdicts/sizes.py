@@ -13,7 +13,7 @@ import pandas as pd
 
 from pipeline.base.paths import Workspace
 from pipeline.reporting.words.labels import model_name
-from pipeline.scoring import complete, ladders, studies
+from pipeline.scoring import shards, studies
 from pipeline.scoring.one_table import Results
 from pipeline.scoring.results import Estimate, estimate, scale_of
 
@@ -44,23 +44,26 @@ SCALES = {
 
 def label(family: str) -> str:
     """Return the name of a family's model."""
-    return model_name(ladders.FAMILIES[family].model)
+    return model_name(studies.FAMILIES[family].model)
 
 
-def read(workspace: Workspace, experiment: str, wanted: Mapping[str, Sequence]) -> pd.DataFrame:
-    """Read the runs of an experiment's ladders; wanted: family -> sizes of the settings. No row: none was computed.
+def read(workspace: Workspace, results: Results, experiment: str) -> pd.DataFrame:
+    """Return the runs of an experiment's ladders, of the evidence (`results`). No row: none was computed.
 
-    Raises InputError for a missing column, and for a run of a computed seed that is missing or there twice.
+    Raises InputError for a run of a computed seed that evidence/shards.yaml has and that is missing or there twice.
     """
-    table = ladders.read(workspace, experiment)
+    table = studies.ladders(results.table, experiment)
+    sets = [each for each in shards.read_sets(workspace).values() if each.experiment == experiment]
+    variants = [name for each in sets for name in each.variants]
+    families = {name: one for name, one in studies.FAMILIES.items() if one.experiment == experiment}
     places = [dict.fromkeys(table[name]) for name in ("condition", "seed")]
     runs = (
         (family, condition, size, seed)
-        for family, sizes in wanted.items()
-        for condition, seed, size in itertools.product(*places, sizes)
+        for family, one in families.items()
+        for condition, seed, size in itertools.product(*places, studies.sizes(variants, one.name))
     )
-    where = workspace.root / "evidence" / "studies" / experiment
-    complete.check(table, where, ["family", "condition", "size", "seed"], runs, studies.MADE_BY)
+    where = shards.folder(workspace) / "results"
+    studies.check(table, where, ["family", "condition", "size", "seed"], runs, studies.MADE_BY)
     return table
 
 
@@ -101,7 +104,7 @@ def verdict(excess: Estimate | None) -> str:
 def judge(runs: pd.DataFrame) -> pd.DataFrame:
     """Return JUDGED, one row per size: mean and 95 % interval, and `chosen`, 1 for the smallest that is enough.
 
-    runs: ladders.COLUMNS, one row per run. The column `runs` of the result counts those that did not fail. The best
+    runs: studies.LADDER, one row per run. The column `runs` of the result counts those that did not fail. The best
     size is enough, too.
     """
     rows = []
@@ -128,14 +131,14 @@ class Reference(NamedTuple):
 def references(table: Results, runs: pd.DataFrame) -> dict[tuple[str, str], Reference]:
     """Return (family, condition) -> its references over the seeds of the ladder, which are the same specimens.
 
-    table: the one table of results; runs: ladders.COLUMNS. A ladder of fully trained models needs the constant model
+    table: the one table of results; runs: studies.LADDER. A ladder of fully trained models needs the constant model
     alone.
     """
     by_ladder = {}
     for (*ladder, metric), own in runs.groupby([*LADDER, "metric"], sort=False):
         experiment, condition, family = ladder
-        place = experiment, ladders.protocol(experiment, condition), condition
-        compared = ("constant", ladders.FAMILIES[family].model if family in SHORTER else "")
+        place = experiment, studies.protocol(experiment, condition), condition
+        compared = ("constant", studies.FAMILIES[family].model if family in SHORTER else "")
         values = (table.runs(*place, model, metric) for model in compared)
         means = (estimate(one[one.index.isin(own["seed"])], scale_of(metric)).mean for one in values)
         by_ladder[family, condition] = Reference(*(error_of(mean, metric) for mean in means))

@@ -18,7 +18,7 @@ import pandas as pd
 
 from pipeline.base.errors import InputError
 from pipeline.experiments import facts
-from pipeline.scoring import complete, results
+from pipeline.scoring import results, studies
 from pipeline.scoring.results import Estimate
 
 FLOOR = "constant"
@@ -62,7 +62,7 @@ def check(table: pd.DataFrame, path: Path, experiment: str, models: Iterable[str
         for model in models
         for seed in seeds.get(level[0], ())
     )
-    complete.check(table, path, KEY, wanted, made_by)
+    studies.check(table, path, KEY, wanted, made_by)
 
 
 def level(errors: Sequence[float]) -> Estimate:

@@ -17,7 +17,8 @@ from pipeline.reporting import tables
 from pipeline.reporting.verdicts import physics as physics_verdicts
 from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, FAILED, MARGIN, NONE, UNKNOWN, assess
 from pipeline.scoring import studies
-from pipeline.scoring.variants import COLUMNS, effects
+from pipeline.scoring.studies import PHYSICS as COLUMNS
+from pipeline.scoring.studies import effects
 from pipeline.stages import twins as twins_stage
 from pipeline.studies import physics as physics_study
 
