@@ -32,11 +32,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from pipeline.base import arguments
+from pipeline.base import arguments, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.experiments import velostat_recorded
-from pipeline.logs import parse, sources
+from pipeline.logs import layout, parse, sources
 from pipeline.reporting.words import templates
 from pipeline.scenes.material import FITTED, RASTER, STEP_MM, Material, log_resistance
 from tools import material_figures as figures
@@ -99,13 +99,21 @@ class Fit(NamedTuple):
     exponent: np.ndarray
 
 
-def load_recording(folder: Path, name: str, repetition: int, lag_s: float) -> Recording:
-    """Read one recording onto the grid; `lag_s`: how much later the reading's clock is than the load cell's."""
-    file = Path(name) / f"exp_{name}_sensor1_exp{repetition}.txt"
-    cell, _ = parse.read_log(folder / "futek_data" / file, velostat_recorded.LOAD_CELL)
-    taxel, _ = parse.read_log(folder / "velostat_data" / file, velostat_recorded.VELOSTAT)
-    force, force_s = cell["fz_n"].to_numpy(), cell["unix_time_s"].to_numpy()
-    reading, reading_s = taxel["reading"].to_numpy(), taxel["unix_time_s"].to_numpy() - lag_s
+def load_recording(folder: Path, settings: Mapping, name: str, repetition: int, lag_s: float) -> Recording:
+    """Read one recording onto the grid.
+
+    settings: the block of SOURCE; lag_s: how much later the reading's clock is than the load cell's.
+    """
+    files = velostat_recorded.logs(folder / "velostat_data" / name / f"exp_{name}_sensor1_exp{repetition}.txt")
+    rows = {
+        log: parse.read_log(files[log], fmt, layout=layout.of(settings["ingest"], log))[0]
+        for log, fmt in velostat_recorded.formats(settings).items()
+    }
+    (reading, reading_s), (force, force_s) = (
+        (rows[log][column].to_numpy(), rows[log]["t_us"].to_numpy() / 1e6)
+        for log, column in (("array.log", "v0"), ("load_cell.log", "fz_n"))
+    )
+    reading_s = reading_s - lag_s
     grid = np.arange(max(force_s[0], reading_s[0]), min(force_s[-1], reading_s[-1]), DT_S)
     force = np.interp(grid, force_s, force)
     spans = presses(force)
@@ -205,13 +213,13 @@ def lowest_of_parabola(at: np.ndarray, losses: list[float], what: str) -> float:
     return float(lowest)
 
 
-def clock_lag(folder: Path, start: Mapping[str, float]) -> float:
+def clock_lag(folder: Path, settings: Mapping, start: Mapping[str, float]) -> float:
     """Fit how much later the reading's clock is than the load cell's (s), one constant fitted on exp1."""
     none, idle = OFF["hysteresis"]  # left out: hysteresis is the slowest part and does not change the result
     without, free = {**start, **none, "slow_weight": 0.0}, [name for name in VARIABLES if name not in (*idle, *SLOW)]
     losses = []
     for lag in LAGS_S:
-        recordings = [load_recording(folder, name, 1, lag) for name in FITTED_ON]
+        recordings = [load_recording(folder, settings, name, 1, lag) for name in FITTED_ON]
         losses.append(-sum(scores(fit(recordings, without, free, exponents=False), recordings)))
     return lowest_of_parabola(np.array(LAGS_S), losses, "the clock lag")
 
@@ -302,7 +310,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Fit, score, and write `velostat.json` and `reports/material/`."""
     if not sources.is_complete(workspace, SOURCE):
         raise InputError(f"data/sources/{SOURCE}: no recordings; run `tactile fetch {SOURCE}`")
-    folder = sources.folder(workspace, SOURCE)
+    folder, settings = sources.folder(workspace, SOURCE), params.load(workspace.params)[SOURCE]
     began = time.perf_counter()
 
     def say(text: str) -> None:
@@ -310,11 +318,11 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         print(f"{time.perf_counter() - began:5.0f} s  {text}", file=sys.stderr, flush=True)
 
     start = {name: first for name, (first, *_) in VARIABLES.items()}
-    lag = clock_lag(folder, start)
+    lag = clock_lag(folder, settings, start)
     say(f"clock lag {1e3 * lag:.2f} ms")
 
     def load(name: str, repetition: int) -> Recording:
-        return load_recording(folder, name, repetition, lag)
+        return load_recording(folder, settings, name, repetition, lag)
 
     exp1 = [load(name, 1) for name in FITTED_ON]
     exp2 = [load(name, 2) for name in FITTED_ON]

@@ -77,7 +77,7 @@ NO_GROUND_TRUTH = "no ground truth at this time"
 TOO_SHORT = "segment too short to align"
 SPIKE = "spike"  # of a load cell: a single reading far from both of its neighbours
 PULLED = "pressing makes fz_n negative; write it positive"
-LIMIT = "touch.ingest.max_reject_fraction"
+RESISTANCE = "highest_resistance"  # the setting that says that readings fall when pressed, and are no counts
 PART = 1 << 18  # frames made at once: an hour of a recording at 70 Hz
 # A spike is further from both neighbours than 4 times the steps of the log, of which 99.5 % are smaller. Spikes of
 # 100 N among presses of 30 N are 5 times as far and more, even at 10 Hz and with 5 % of spikes. Clean logs, simulated
@@ -107,10 +107,15 @@ def shows_loading(path: Path, settings: Mapping) -> bool:
 
 
 def array_format(settings: Mapping) -> Format:
-    """Return the format of the array's lines: time, then counts row by row from the bottom; settings: block `touch`."""
-    sensor, highest = settings["sensor"], settings["ingest"]["highest_count"]
-    counts = (Column(f"v{k}", "counts", 0, highest, integer=True) for k in range(sensor["rows"] * sensor["cols"]))
-    return Format((CLOCK, *counts), time="t_us")
+    """Return the format of the array's lines: time, then readings row by row from the bottom; settings: block `touch`.
+
+    Readings are counts, or resistances with decimals where `ingest.highest_resistance` is there.
+    """
+    sensor, ingest = settings["sensor"], settings["ingest"]
+    whole = RESISTANCE not in ingest
+    kind = ("counts", 0, ingest["highest_count"]) if whole else ("1", 0, ingest[RESISTANCE])
+    readings = (Column(f"v{k}", *kind, integer=whole) for k in range(sensor["rows"] * sensor["cols"]))
+    return Format((CLOCK, *readings), time="t_us")
 
 
 def formats(settings: Mapping, folder: Path | None = None) -> dict[str, Format]:
@@ -143,9 +148,10 @@ def in_order(counts: np.ndarray, settings: Mapping) -> np.ndarray:
 
 def frames_schema(settings: Mapping) -> pa.Schema:
     """Return the schema of the frames table; `settings` is the block `touch` of params.yaml."""
-    sensor = settings["sensor"]
-    kind = pa.int16() if settings["ingest"]["highest_count"] < 2**15 else pa.int32()
-    return schemas.frames(sensor["rows"] * sensor["cols"], settings["ingest"]["max_touches"], kind)
+    sensor, ingest = settings["sensor"], settings["ingest"]
+    counts = pa.int16() if ingest.get("highest_count", 0) < 2**15 else pa.int32()
+    kind = pa.float32() if RESISTANCE in ingest else counts
+    return schemas.frames(sensor["rows"] * sensor["cols"], ingest["max_touches"], kind)
 
 
 def recordings(folder: Path) -> list[Path]:
@@ -176,54 +182,68 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
     Raises InputError for a missing or unknown log, more than `max_touches` touches, too many rejects, counts or depths
     with the wrong sign, clocks that cannot be aligned, and clocks that are said to be shared and are not.
     """
-    ingest, elements = settings["ingest"], settings["sensor"]["rows"] * settings["sensor"]["cols"]
-    touches = _touches(folder, ingest["max_touches"], placeless=elements == 1)
-    formats = {"array.log": array_format(settings)}
-    for suffix in touches:
-        formats |= {f"load_cell{suffix}.log": LOAD_CELL}
-        if elements > 1 or (folder / f"cnc{suffix}.log").is_file():
-            formats |= {f"cnc{suffix}.log": CNC}
+    elements = settings["sensor"]["rows"] * settings["sensor"]["cols"]
+    touches = _touches(folder, settings["ingest"]["max_touches"], placeless=elements == 1)
+    logs = [f"{device}{suffix}.log" for suffix in touches for device in ("load_cell", "cnc")]
+    there = {name: folder / name for name in ("array.log", *logs) if elements > 1 or (folder / name).is_file()}
+    return read_logs(there, (folder.parent.name, folder.name), settings)
+
+
+def read_logs(
+    logs: Mapping[str, Path], names: tuple[str, str], settings: Mapping, block: str = "touch"
+) -> tuple[Iterator[pa.Table], pa.Table, dict]:
+    """Read the logs of one recording as `read_in_parts` does, from any place.
+
+    logs: `array.log`, `load_cell.log` and so on -> where it lies; names: the condition and the recording; block: the
+    name of the block of settings, for sentences.
+    """
+    ingest, limit = settings["ingest"], f"{block}.ingest.max_reject_fraction"
+    elements = settings["sensor"]["rows"] * settings["sensor"]["cols"]
+    touches = [name.removeprefix("load_cell").removesuffix(".log") for name in logs if name.startswith("load_cell")]
+    kinds = {"array": array_format(settings), "load_cell": LOAD_CELL, "cnc": CNC}
+    formats = {name: next(fmt for kind, fmt in kinds.items() if name.startswith(kind)) for name in logs}
     rows, rejects = {}, {}
     for name, fmt in formats.items():
         rows[name], rejects[name] = parse.read_log(
-            folder / name, fmt, limit=ingest["max_reject_fraction"], key=LIMIT, layout=layout.of(ingest, name)
+            logs[name], fmt, limit=ingest["max_reject_fraction"], key=limit, layout=layout.of(ingest, name)
         )
         if fmt is LOAD_CELL:
             lines = rows[name].num_rows + rejects[name].num_rows
-            rows[name], rejects[name] = without_spikes(folder / name, rows[name], rejects[name])
+            rows[name], rejects[name] = without_spikes(logs[name], rows[name], rejects[name])
             reasons = Counter(rejects[name]["reason"].to_pylist())
-            parse.check_rejects(folder / name, lines, reasons, ingest["max_reject_fraction"], LIMIT)
+            parse.check_rejects(logs[name], lines, reasons, ingest["max_reject_fraction"], limit)
 
-    _check_signs(folder, rows, ingest)
-    who = f"{folder.parent.name}/{folder.name}"
-    clocks = _clocks(rows, touches, ingest, who)
-    measured = _measured(rows, touches, ingest, who) if ingest.get("clock") == "shared" else {}
+    _check_signs(logs, rows, ingest)
+    who = "/".join(names)
+    clocks = _clocks(rows, touches, ingest, who, block)
+    measured = _measured(rows, touches, ingest, who, block) if ingest.get("clock") == "shared" else {}
     time = {}
     for name in formats:
         placed = np.array([clock is not None for clock in clocks[name]])[rows[name]["segment"].to_numpy()]
         if not placed.all():
             unplaced = rows[name]["line"].to_numpy()[~placed]
-            rejects[name] = parse.add_rejects(rejects[name], folder / name, unplaced, TOO_SHORT)
+            rejects[name] = parse.add_rejects(rejects[name], logs[name], unplaced, TOO_SHORT)
             rows[name] = rows[name].filter(pa.array(placed))
         time[name] = _reference_time(rows[name], clocks[name])
 
     array, at = rows["array.log"], time["array.log"]
-    middle = np.array([settings["sensor"][side] * settings["sensor"]["pitch_mm"] / 2 for side in ("cols", "rows")])
+    pitch_mm = settings["sensor"].get("pitch_mm", np.nan)
+    middle = np.array([settings["sensor"][side] * pitch_mm / 2 for side in ("cols", "rows")])
     truth, known = _ground_truth(rows, time, touches, middle)
     if not known.any() and ingest.get("clock") == "shared":
         spans = ", ".join(f"{name} {time_s[0]:.10g} to {time_s[-1]:.10g} s" for name, time_s in time.items())
         raise alignment.NotOneClock(
-            f"{folder}: the logs have no time in common ({spans}), so they do not share a clock; set "
-            "touch.ingest.clock: own"
+            f"{logs['array.log']}: the logs have no time in common ({spans}), so they do not share a clock; set "
+            f"{block}.ingest.clock: own"
         )
     if not known.any():
-        raise InputError(f"{folder}: no frame falls into the time of load cell and CNC; record again")
+        raise InputError(f"{logs['array.log']}: no frame falls into the time of load cell and CNC; record again")
     # The devices start and stop up to max_clock_offset_s apart, so frames without truth are expected there.
     inner = (at > at[0] + ingest["max_clock_offset_s"]) & (at < at[-1] - ingest["max_clock_offset_s"])
     missed = {NO_GROUND_TRUTH: int((inner & ~known).sum())}
-    parse.check_rejects(folder / "array.log", len(at), missed, ingest["max_reject_fraction"], LIMIT)
+    parse.check_rejects(logs["array.log"], len(at), missed, ingest["max_reject_fraction"], limit)
     unknown = array["line"].to_numpy()[~known]
-    rejects["array.log"] = parse.add_rejects(rejects["array.log"], folder / "array.log", unknown, NO_GROUND_TRUTH)
+    rejects["array.log"] = parse.add_rejects(rejects["array.log"], logs["array.log"], unknown, NO_GROUND_TRUTH)
 
     segment = array["segment"].to_numpy()
     gap_before = np.empty(len(at), dtype=bool)
@@ -237,8 +257,7 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
                 counts = in_order(_matrix(array.slice(first, PART), [f"v{k}" for k in range(elements)]), settings)
                 yield schemas.frame_rows(
                     frames_schema(settings),
-                    folder.parent.name,
-                    folder.name,
+                    *names,
                     segment=segment[block][kept],
                     t_s=at[block][kept],
                     v=counts[kept],
@@ -252,7 +271,9 @@ def read_in_parts(folder: Path, settings: Mapping) -> tuple[Iterator[pa.Table], 
         report[name] = log_report(accepted, rejects[name], time[name], rows[name]["segment"].to_numpy())
         report[name]["clocks"] = [clock and clock.report() for clock in clocks[name]]
         report[name] |= measured.get(name, {})
-    return parts(), pa.concat_tables(rejects.values()), report
+    file = parse.REJECTS.field("file")
+    named = [table.set_column(0, file, pa.repeat(name, table.num_rows)) for name, table in rejects.items()]
+    return parts(), pa.concat_tables(named), report
 
 
 def _ground_truth(
@@ -310,11 +331,11 @@ def _touches(folder: Path, most: int, placeless: bool) -> list[str]:
 
 
 def _clocks(
-    rows: Mapping[str, pa.Table], touches: list[str], ingest: Mapping, who: str
+    rows: Mapping[str, pa.Table], touches: list[str], ingest: Mapping, who: str, block: str
 ) -> dict[str, list[alignment.Clock | None]]:
     """Return a clock per segment of each log; the first load cell's clock is the reference.
 
-    `touch.ingest.clock: shared` says that there is but one clock.
+    `ingest.clock: shared` of the block says that there is but one clock.
 
     The array answers to the sum of all touches. Load cells printed by one computer share its clock, which
     shows in equal times; they are summed from the start. The others are separate: `_force_clocks` places them.
@@ -324,14 +345,13 @@ def _clocks(
             if table["segment"][-1].as_py() > 0:
                 raise InputError(
                     f"{who}/{name}: its time steps back, which a clock that all logs share does not; set "
-                    "touch.ingest.clock: own"
+                    f"{block}.ingest.clock: own"
                 )
         return {name: [alignment.Clock(0.0)] for name in rows}
     limits = {"max_offset_s": ingest["max_clock_offset_s"], "min_correlation": ingest["min_correlation"]}
     first, *further = (f"load_cell{suffix}.log" for suffix in touches)
     forces = {name: _signals(rows[name], alignment.strength_above_rest, ["fz_n"]) for name in (first, *further)}
-    counts = [name for name in rows["array.log"].column_names if name.startswith("v")]
-    array = _signals(rows["array.log"], alignment.strength_above_rest, counts)
+    array = _readings(rows["array.log"], alignment.strength_above_rest, ingest)
     ticks = rows[first]["t_us"].to_numpy()
     shared = [
         name
@@ -387,35 +407,44 @@ def spikes(time_s: np.ndarray, force: np.ndarray) -> np.ndarray:
     return found
 
 
-def _check_signs(folder: Path, rows: Mapping[str, pa.Table], ingest: Mapping) -> None:
-    """Raise InputError where counts fall, or z rises, when the force does, or where the force itself is reversed."""
+def _check_signs(logs: Mapping[str, Path], rows: Mapping[str, pa.Table], ingest: Mapping) -> None:
+    """Raise InputError where counts fall, resistances or z rise, when the force does, or the force is reversed."""
     limits = {"one_clock": ingest.get("clock") == "shared", "min_correlation": ingest["min_correlation"]}
-    force = _longest(rows["load_cell.log"], ["fz_n"])
-    counts = [name for name in rows["array.log"].column_names if name.startswith("v")]
-    falls = alignment.direction(_longest(rows["array.log"], counts), force, **limits) < 0
-    rises = "cnc.log" in rows and alignment.direction(_longest(rows["cnc.log"], ["z_mm"]), force, **limits) > 0
+    force = _longest(_signals(rows["load_cell.log"], np.asarray, ["fz_n"]))
+    falls = alignment.direction(_longest(_readings(rows["array.log"], np.asarray, ingest)), force, **limits) < 0
+    depth = _longest(_signals(rows["cnc.log"], np.asarray, ["z_mm"])) if "cnc.log" in rows else None
+    rises = depth is not None and alignment.direction(depth, force, **limits) > 0
     low, high = np.percentile(rows["load_cell.log"]["fz_n"].to_numpy(), [0.5, 99.5])
     if (falls or rises) and -low > high:
-        raise InputError(f"{folder / 'load_cell.log'}: {PULLED}")
+        raise InputError(f"{logs['load_cell.log']}: {PULLED}")
     if rises:
         raise InputError(
-            f"{folder / 'cnc.log'}: z_mm seems to rise when pressed; write it negative when pressed, 0 at the surface"
+            f"{logs['cnc.log']}: z_mm seems to rise when pressed; write it negative when pressed, 0 at the surface"
         )
+    if falls and RESISTANCE in ingest:
+        raise InputError(f"{logs['array.log']}: the resistances seem to rise when pressed; they should fall")
     if falls:
         highest = ingest["highest_count"]
         raise Falls(
-            f"{folder / 'array.log'}: the counts seem to fall when pressed; write {highest} minus the count, "
+            f"{logs['array.log']}: the counts seem to fall when pressed; write {highest} minus the count, "
             "which rises, or set rises_when_pressed: false in its format"
         )
 
 
-def _longest(rows: pa.Table, columns: list[str]) -> alignment.Signal:
-    """Return the sum of columns of a log in its longest segment."""
-    pieces = _signals(rows, lambda values: values, columns)
+def _longest(pieces: list[alignment.Signal]) -> alignment.Signal:
+    """Return the longest segment of a log."""
     return max(pieces, key=lambda piece: piece.duration_s)
 
 
-def _measured(rows: Mapping[str, pa.Table], touches: list[str], ingest: Mapping, who: str) -> dict[str, dict]:
+def _readings(array: pa.Table, strength: Callable, ingest: Mapping) -> list[alignment.Signal]:
+    """Return one signal per segment of the array's log, the sum of its elements, which rises when they are pressed."""
+    columns = [name for name in array.column_names if name.startswith("v")]
+    return _signals(array, (lambda values: strength(-values)) if RESISTANCE in ingest else strength, columns)
+
+
+def _measured(
+    rows: Mapping[str, pa.Table], touches: list[str], ingest: Mapping, who: str, block: str
+) -> dict[str, dict]:
     """Return log -> what its report says of a clock that is said to be shared: `clocks` and `warnings`.
 
     The array is measured against the sum of all forces, the CNC against the first, and further load cells against the
@@ -427,8 +456,7 @@ def _measured(rows: Mapping[str, pa.Table], touches: list[str], ingest: Mapping,
     forces = {name: _signals(rows[name], alignment.strength_above_rest, ["fz_n"])[0] for name in names}
     first = forces[names[0]]
     total = _plus(first, [forces[name] for name in names[1:]])
-    counts = [name for name in rows["array.log"].column_names if name.startswith("v")]
-    array = _signals(rows["array.log"], alignment.strength_above_rest, counts)[0]
+    array = _readings(rows["array.log"], alignment.strength_above_rest, ingest)[0]
     pairs = {"array.log": (array, total, None)}
     if "cnc.log" in rows:
         pairs["cnc.log"] = (_signals(rows["cnc.log"], alignment.depth_strength, ["z_mm"])[0], first, None)
@@ -443,14 +471,14 @@ def _measured(rows: Mapping[str, pa.Table], touches: list[str], ingest: Mapping,
         if found and not found.best >= ingest["min_correlation"]:
             strangers.append(
                 f"{who}, {name} against {other}: the signals do not follow each other (best correlation "
-                f"{max(found.best, 0.0):.2f}, touch.ingest.min_correlation {ingest['min_correlation']:g}); check that "
-                "the logs belong to one capture"
+                f"{max(found.best, 0.0):.2f}, {block}.ingest.min_correlation {ingest['min_correlation']:g}); check "
+                "that the logs belong to one capture"
             )
         elif found and abs(found.offset_s) > SHIFTED * np.median(lasts):
             said = found.said(name, other)
             if found.refuted:
                 raise InputError(
-                    f"{who}: {said}, so they do not share a clock; set touch.ingest.clock: own, or add "
+                    f"{who}: {said}, so they do not share a clock; set {block}.ingest.clock: own, or add "
                     f"{found.offset_s:+.2f} s to the times of {name}"
                 )
             reports[name]["warnings"] = [f"{said}; a press lasts {np.median(lasts):.1f} s: look at what delays one"]

@@ -1,4 +1,4 @@
-"""Read recordings of a Velostat taxel and a load cell: two serial logs with the host's clock, see logs/sources.py."""
+"""Recordings of a Velostat taxel and a load cell (see logs/sources.py): logs of touch, by folder and repetition."""
 
 import re
 from collections.abc import Mapping
@@ -10,9 +10,7 @@ import pyarrow as pa
 from pipeline.base.errors import InputError
 from pipeline.base.facts import Facts, Source
 from pipeline.datasets import schemas
-from pipeline.logs import alignment, parse
-from pipeline.logs.formats import Column, Format
-from pipeline.logs.report import log_report
+from pipeline.experiments import touch
 
 KIND = "windows"
 SCORES = "velostat_recorded"
@@ -36,31 +34,23 @@ FACTS = Facts(
     ),
 )
 
-CLOCK = Column("unix_time_s", "s", 1e9, 4e9)  # the years 2001 to 2096
-VELOSTAT = Format((Column("reading", "1", 0, 1e5), CLOCK), time="unix_time_s", separator=" ")
-LOAD_CELL = Format((Column("fz_n", "N", -1e3, 1e3), CLOCK), time="unix_time_s", separator=" ")
-
 POOLED = "repetition"  # the protocol that fits all recordings together
-NO_GROUND_TRUTH = "no ground truth at this time"
-SCHEMA = schemas.frames(1, 1, pa.float32())
 
-
-def formats(settings: Mapping, folder: Path | None = None) -> dict[str, Format]:
-    """Return device -> format of its lines: the sensors are given, whatever `settings` say."""
-    return {"velostat_data": VELOSTAT, "futek_data": LOAD_CELL}
-
-
-def frames_schema(settings: Mapping) -> pa.Schema:
-    """Return the schema of the frames table: the sensors are given, whatever `settings` say."""
-    return SCHEMA
+formats, frames_schema = touch.formats, touch.frames_schema
 
 
 def recordings(folder: Path) -> list[Path]:
-    """Return the Velostat logs in `folder`/velostat_data, sorted. Raises InputError where there is none."""
+    """Return the taxel's logs in `folder`/velostat_data, sorted. Raises InputError where there is none."""
     logs = sorted((folder / "velostat_data").glob("*/*.txt"))
     if not logs:
         raise InputError(f"{folder / 'velostat_data'}: no recordings; run `tactile fetch velostat_recorded`")
     return logs
+
+
+def logs(path: Path) -> dict[str, Path]:
+    """Return the taxel's log and the load cell's of the same name, as touch calls them."""
+    folders = {"array.log": "velostat_data", "load_cell.log": "futek_data"}
+    return {log: path.parents[2] / folder / path.parent.name / path.name for log, folder in folders.items()}
 
 
 def name_of(path: Path) -> str:
@@ -72,48 +62,16 @@ def name_of(path: Path) -> str:
 
 
 def read_recording(path: Path, settings: Mapping) -> tuple[pa.Table, pa.Table, dict]:
-    """Read one Velostat log and the load cell's log of the same name as `(frames, rejects, report)`.
+    """Read the logs of one recording as touch does: `(frames, rejects, report)`; x and y are unknown (NaN).
 
-    `settings`: the block `velostat_recorded` of params.yaml. A frame is one reading of the taxel; the force
-    is interpolated at its time. Tables and errors as in the touch experiment; x and y are unknown (NaN).
+    settings: the block `velostat_recorded` of params.yaml. Rejects and report name a file with its device's folder.
     """
-    pair = {
-        f"{device}/{path.name}": (path.parents[2] / device / path.parent.name / path.name, fmt)
-        for device, fmt in formats(settings).items()
-    }
-    limit, key = settings["ingest"]["max_reject_fraction"], "velostat_recorded.ingest.max_reject_fraction"
-    rows, rejects = {}, {}
-    for name, (file, fmt) in pair.items():
-        rows[name], rejects[name] = parse.read_log(file, fmt, name, limit, key)
-        if rows[name]["segment"][-1].as_py() > 0:
-            raise InputError(f"{file}: the time steps back for good; the host's clock was set during the recording")
-    taxel, cell = rows
-    at, segment = rows[taxel]["unix_time_s"].to_numpy(), rows[taxel]["segment"].to_numpy()
-    force, known = alignment.interpolated(at, rows[cell]["unix_time_s"].to_numpy(), rows[cell]["fz_n"].to_numpy())
-    missed = rows[taxel]["line"].to_numpy()[~known]
-    rejects[taxel] = parse.add_rejects(rejects[taxel], path, missed, NO_GROUND_TRUTH, taxel)
-    if not known.any():
-        raise InputError(
-            f"{path}: no reading falls into the time of the load cell's log; the two do not belong together"
-        )
-    unknown = np.full((int(known.sum()), 1), np.nan)
-    frames = schemas.frame_rows(
-        SCHEMA,
-        path.parent.name,
-        name_of(path),
-        segment=segment[known],
-        t_s=at[known],
-        v=rows[taxel]["reading"].to_numpy()[known, None],
-        force_n=force[known, None],
-        x_mm=unknown,
-        y_mm=unknown,
-    )
-    report = {}
-    for name in pair:
-        accepted = frames.num_rows if name == taxel else rows[name].num_rows
-        time = rows[name]["unix_time_s"].to_numpy()
-        report[name] = log_report(accepted, rejects[name], time, rows[name]["segment"].to_numpy())
-    return frames, pa.concat_tables(rejects.values()), report
+    files = logs(path)
+    names = {log: "/".join((file.parents[1].name, file.name)) for log, file in files.items()}
+    parts, rejects, report = touch.read_logs(files, (path.parent.name, name_of(path)), settings, "velostat_recorded")
+    called = pa.array([names[log] for log in rejects["file"].to_pylist()], pa.string())
+    report = {names[log]: numbers for log, numbers in report.items()}
+    return pa.concat_tables(parts), rejects.set_column(0, rejects.schema.field("file"), called), report
 
 
 def labels(windows: pa.Table, settings: Mapping) -> np.ndarray:

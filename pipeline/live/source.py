@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline import experiments
 from pipeline.base.errors import InputError
-from pipeline.experiments import log_name, sensor_format
+from pipeline.experiments import sensor_format
 from pipeline.inference.card import Card
 from pipeline.logs import layout, parse
 from pipeline.logs.formats import Format
@@ -43,7 +44,8 @@ def line_format(card: Card) -> Format:
 
 def line_layout(card: Card) -> Mapping | None:
     """Return the layout of the lines that a model's sensor prints, None for the usual one."""
-    return layout.of(card.reading.get("ingest", {}), log_name(card.experiment))
+    log, *_ = experiments.module(card.experiment).formats(card.reading)
+    return layout.of(card.reading.get("ingest", {}), log)
 
 
 class Lines:

@@ -1,7 +1,8 @@
 """Draw and write what the reports of all experiments have in common: learning curves, and the folder `speed`.
 
-The report of an experiment is the module of its name in this folder. Its `write(workspace, target, settings)` writes
-the folders `accuracy` and `speed`, which exist, in the new folder `target`; settings: the experiment's block.
+The report of a simulated experiment is the module of its name in this folder. Its `write(workspace, target, settings)`
+writes the folders `accuracy` and `speed`, which exist, in the new folder `target`; settings: the experiment's block.
+Those of recordings are written by `recorded`.
 """
 
 from collections.abc import Mapping

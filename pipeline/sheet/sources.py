@@ -15,12 +15,12 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas, specimens
 from pipeline.experiments import glove
 from pipeline.experiments.strain_recorded import SHARED
+from pipeline.experiments.touch import RESISTANCE
 from pipeline.scenes import material
 from pipeline.sheet import cycles
 from pipeline.sheet.cycles import Log, Sensor
 
 LEAST_MM = 0.2  # an arm that moves less along an axis rests
-REFERENCE_OHM = 1000.0  # of the recorded taxel's reader, see pipeline/scenes/material.py
 
 
 def sensors(experiment: str, name: str, folder: Path, settings: Mapping, simulated: bool = False) -> list[Sensor]:
@@ -62,11 +62,13 @@ def all_alike(path: Path, settings: Mapping) -> bool:
 
 def array(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return an array, or a single element, under a load cell; several touches at a time are no loading cycle."""
-    sensor, logs = settings["sensor"], []
+    sensor, resistance, logs = settings["sensor"], RESISTANCE in settings["ingest"], []
     for frames in read:
         force = schemas.matrix(frames["force_n"])
         reading = schemas.matrix(frames["v"]).astype(float)
-        if simulated:
+        if resistance:
+            reading = 1e3 / reading
+        elif simulated:
             circuit = settings["simulate"]["circuit"]
             reading = 1e3 * glove.conductance(reading, circuit["reference_ohm"], circuit["adc_levels"])
         place = np.column_stack([schemas.matrix(frames[axis])[:, 0] for axis in ("x_mm", "y_mm")])
@@ -76,12 +78,12 @@ def array(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: boo
     return [
         Sensor(
             name,
-            "mS" if simulated else "counts",
+            "mS" if simulated or resistance else "counts",
             "N",
             logs,
             settings["ingest"].get("clock") == "shared",
             (sensor["rows"], sensor["cols"]) if several else None,
-            sensor["pitch_mm"],
+            sensor.get("pitch_mm", np.nan),
         )
     ]
 
@@ -122,15 +124,12 @@ def areas_of_glove(name: str, read: Sequence[pa.Table], settings: Mapping, simul
 def taxel(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return the recorded taxel; where a recording has one press for each place of the raster, places are known.
 
-    Readings are resistances in ohm if the reference has 1 kohm; the two logs are stamped by one computer.
+    Readings are resistances in ohm if the reference of the taxel's reader has 1 kohm (pipeline/scenes/material.py).
     """
     columns, steps = material.RASTER[1], material.STEP_MM
-    logs = []
-    for frames in read:
-        reading = 1e3 / (REFERENCE_OHM / 1e3 * schemas.matrix(frames["v"]).astype(float))
-        log = log_of(frames, reading, schemas.matrix(frames["force_n"])[:, 0].astype(float), np.empty((0, 2)))
-        place = np.full((len(log.time_s), 2), np.nan)
-        rest = np.percentile(log.stimulus, 10)
+    (sensor,), logs = array(name, read, settings, simulated), []
+    for log in sensor.logs:
+        place, rest = log.place, np.percentile(log.stimulus, 10)
         log = log._replace(stimulus=log.stimulus - rest)
         top = cycles.full_scale(Sensor(name, "", "N", [log]))
         found = cycles.presses(log.time_s, log.stimulus, cycles.REST * top, cycles.BRIEFEST_S)
@@ -139,8 +138,7 @@ def taxel(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: boo
             number = np.searchsorted(middle, np.arange(len(place)), side="right")
             place = np.column_stack([number // columns * steps[0], number % columns * steps[1]]).astype(float)
         logs.append(log._replace(place=place))
-    note = "The taxel's conductance: 1000 over the printed reading."
-    return [Sensor(name, "mS", "N", logs, one_clock=True, note=note)]
+    return [sensor._replace(logs=logs, note="The taxel's conductance: 1000 over the printed reading.")]
 
 
 def recorded_strands(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:

@@ -5,16 +5,26 @@ same in every run. Without its recordings, the committed folder of an experiment
 Usage: python -m pipeline.stages.render EXPERIMENT
 """
 
+from collections.abc import Mapping
+from pathlib import Path
+
 from pipeline.base import arguments, files, params
 from pipeline.base.availability import has_report, why_not_run
 from pipeline.base.paths import Workspace
-from pipeline.reporting import glove, glove_recorded, own_sensor, strain, strain_recorded, touch, velostat_recorded
+from pipeline.reporting import glove, own_sensor, recorded, strain, touch
 from pipeline.scoring.results import say_kept
 
-REPORTS = {  # each module is named as its experiment
-    report.__name__.rpartition(".")[2]: report
-    for report in (glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded)
-}
+SIMULATED = {report.__name__.rpartition(".")[2]: report for report in (glove, strain, touch)}  # named as experiments
+
+
+def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping) -> None:
+    """Write the report of recordings, of own logs or of a scene to `accuracy` and `speed` in the folder `target`."""
+    if "source" not in settings:
+        recorded.write(workspace, target, experiment, settings)
+    elif settings["source"] != "simulated":
+        own_sensor.write(workspace, target / "accuracy", experiment, settings)
+    else:
+        SIMULATED[experiment].write(workspace, target, settings)
 
 
 def main(workspace: Workspace) -> None:
@@ -32,10 +42,8 @@ def main(workspace: Workspace) -> None:
             if reason:
                 text = f"# {experiment}: not run\n\n{reason[0].upper()}{reason[1:]}.\n"
                 files.write_text(draft / part / "README.md", text)
-        if reason is None and values[experiment].get("source", "simulated") != "simulated":
-            own_sensor.write(workspace, draft / "accuracy", experiment, values[experiment])
-        elif reason is None:
-            REPORTS[experiment].write(workspace, draft, values[experiment])
+        if reason is None:
+            write(workspace, draft, experiment, values[experiment])
     print(f"reports/{experiment}: {sum(path.is_file() for path in target.rglob('*'))} files")
 
 

@@ -215,6 +215,8 @@ def test_every_key_of_params_yaml_is_in_the_schema():
         ".strain_recorded.protocols",
         *(f".stress.{experiment}.usable" for experiment in WHOLE["experiments"]),
         ".stress.touch.recordings",
+        ".velostat_recorded.ingest.format",
+        ".velostat_recorded.protocols",
     }
 
 

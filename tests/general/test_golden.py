@@ -17,7 +17,7 @@ from pipeline.claims.rules import CONTRADICTED, OFF
 from pipeline.commands import coverage
 from pipeline.reporting import claims as claims_report
 from pipeline.reporting import experiment as experiment_report
-from pipeline.reporting import speed, studies
+from pipeline.reporting import recorded, speed, studies
 from pipeline.reporting.words.labels import FRONTS, SPREAD
 from pipeline.scenes import glove as glove_scene
 from pipeline.scoring import one_table, results
@@ -131,14 +131,14 @@ def laid_out(workspace, monkeypatch):
             (target / part).mkdir(parents=True)
             for figure in (REPORTS / experiment / part).glob("*.png"):
                 (target / part / figure.name).touch()
-        module = render.REPORTS[experiment]
+        module = render.SIMULATED.get(experiment, recorded)
         objects = pa.table({"condition": list(glove_scene.OBJECTS)})
         for name in ("read_windows", "read_latents", *DRAWN):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, lambda *given, **named: objects if len(given) == 2 else ())
         monkeypatch.setattr(experiment_report, "learning_curves", lambda *given: None)
         monkeypatch.setattr(experiment_report.speed_figures, "chart", lambda *given: None)
-        module.write(workspace, target, VALUES[experiment])
+        render.write(workspace, target, experiment, VALUES[experiment])
         return target
 
     return make

@@ -8,12 +8,14 @@ from collections import Counter
 import numpy as np
 import pytest
 from builders.live_models import COLS, ROWS, TOUCH, press, printed
+from builders.project import ROOT
 
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import live
 from pipeline.experiments import touch
 from pipeline.inference import card as cards
-from pipeline.live.source import Lines, line_format, replay
+from pipeline.live.source import Lines, line_format, line_layout, replay
 
 
 @pytest.fixture
@@ -114,6 +116,16 @@ def test_a_replay_of_what_is_no_log_fails(package, workspace, tmp_path, capsys):
         with pytest.raises(InputError, match=words):
             live.main(workspace, argparse.Namespace(**given, replay=tmp_path / name))
     assert "http://" not in capsys.readouterr().err
+
+
+def test_the_recorded_taxel_prints_its_reading_before_its_time():
+    card = argparse.Namespace(
+        experiment="velostat_recorded", model="linear", reading=params.load(ROOT / "params.yaml")["velostat_recorded"]
+    )
+    taxel = Lines(line_format(card), "a port", "velostat_recorded/linear", laid_out=line_layout(card))
+    found = taxel.take(b"744.4561767578125 1637846037.742000\n744.5 1637846037.748926\n")
+    assert [one.t_s for one in found] == [1637846037.742, 1637846037.748926] and not taxel.rejects
+    assert [one.values.tolist() for one in found] == [[744.4561767578125], [744.5]]
 
 
 def wide(n: int, laid_out: dict | None = None) -> Lines:

@@ -5,15 +5,18 @@ import json
 import re
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
+from builders.project import ROOT
 from builders.touch_logs import SETTINGS, lines, logs_of, presses, save
 
 from pipeline import experiments
+from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
-from pipeline.experiments import touch, velostat_recorded
+from pipeline.experiments import touch
 from pipeline.logs import alignment, sources
 from pipeline.stages import ingest
 
@@ -272,11 +275,12 @@ def test_missing_folders_are_one_sentence(workspace):
         run(workspace, SETTINGS | {"source": "data/own/empty"})
 
 
-def velostat(workspace, repetition, seconds=5.0):
-    """Two small logs in the published layout; the force is 2 (t - 1.6e9)."""
+def velostat(workspace, repetition, seconds=5.0, per_n=-0.5):
+    """Two small logs in the published layout; the force is 2 (t - 1.6e9), the reading 800 + `per_n` times it."""
     for device, hz, late in (("velostat_data", 143.0, 0.0), ("futek_data", 250.0, 0.1)):
         t = 1.6e9 + late + np.arange(0, seconds, 1 / hz)
-        values = 800 - t + 1.6e9 if device == "velostat_data" else 2 * (t - 1.6e9)
+        values = 2 * (t - 1.6e9)
+        values = 800 + per_n * values if device == "velostat_data" else values
         folder = sources.folder(workspace, "velostat_recorded") / device / "pike1_force_5"
         path = folder / f"exp_pike1_force_5_sensor1_{repetition}.txt"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -284,26 +288,42 @@ def velostat(workspace, repetition, seconds=5.0):
     return path
 
 
-VELOSTAT_SETTINGS = {"ingest": {"max_reject_fraction": 0.05}}
+VELOSTAT_SETTINGS = params.load(ROOT / "params.yaml")["velostat_recorded"]
 
 
 def test_velostat_recordings_share_a_clock(workspace, monkeypatch):
     monkeypatch.setattr(sources, "is_complete", lambda *given: True)
-    velostat(workspace, "exp1")
-    velostat(workspace, "exp2")
+    cells = [velostat(workspace, repetition) for repetition in ("exp1", "exp2")]
     ingest.ingest(workspace, "velostat_recorded", VELOSTAT_SETTINGS)
     data = workspace.root / "data" / "velostat_recorded"
     frames, rejects = pq.read_table(data / "frames.parquet"), pq.read_table(data / "rejects.parquet")
-    assert frames.schema.equals(velostat_recorded.SCHEMA)
+    assert frames.schema.equals(schemas.frames(1, 1, pa.float32()))
     assert frames["recording"].unique().to_pylist() == ["pike1_force_5/exp1", "pike1_force_5/exp2"]
     t = frames["t_s"].to_numpy() - 1.6e9
     assert np.array(frames["force_n"].to_pylist())[:, 0] == pytest.approx(2 * t, abs=1e-3)
-    assert np.array(frames["v"].to_pylist())[:, 0] == pytest.approx(800 - t, abs=1e-3)
+    printed = [np.loadtxt(str(cell).replace("futek_data", "velostat_data"))[15:, 0] for cell in cells]
+    assert np.array_equal(schemas.matrix(frames["v"])[:, 0], np.concatenate(printed).astype(np.float32))
+    assert np.isnan(schemas.matrix(frames["x_mm"])).all() and np.isnan(schemas.matrix(frames["y_mm"])).all()
     # The load cell starts 0.1 s late: 15 readings have no force.
     assert rejects["line"].to_pylist() == [*range(1, 16)] * 2
     names = [f"velostat_data/exp_pike1_force_5_sensor1_{repetition}.txt" for repetition in ("exp1", "exp2")]
     assert sorted(set(rejects["file"].to_pylist())) == names
     assert json.loads((data / "ingest.json").read_text())["run"] is True
+
+
+@pytest.mark.parametrize(
+    ("per_n", "high", "sentence"),
+    [
+        (0.5, 1e5, r"velostat_data/.*_exp1\.txt: the resistances seem to rise when pressed; they should fall"),
+        (-0.5, 797.5, r"velostat_data/.*_exp1\.txt: .*out of range.*velostat_recorded\.ingest\.max_reject_fraction"),
+    ],
+)
+def test_resistances_fall_when_pressed_and_are_in_their_range(workspace, monkeypatch, per_n, high, sentence):
+    monkeypatch.setattr(sources, "is_complete", lambda *given: True)
+    velostat(workspace, "exp1", per_n=per_n)
+    asked = VELOSTAT_SETTINGS["ingest"] | {"highest_resistance": high}
+    with pytest.raises(InputError, match=sentence):
+        ingest.ingest(workspace, "velostat_recorded", VELOSTAT_SETTINGS | {"ingest": asked})
 
 
 def test_a_velostat_log_without_its_pair_is_refused(workspace, monkeypatch):

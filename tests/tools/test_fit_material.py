@@ -7,12 +7,15 @@ import re
 import numpy as np
 import pytest
 from builders.forces import press
+from builders.project import ROOT
 
+from pipeline.base import params
 from pipeline.scenes import material
 from pipeline.scenes.material import FITTED, log_resistance
 from tools import fit_material
 
 DT = 0.01
+SETTINGS = params.load(ROOT / "params.yaml")[fit_material.SOURCE]
 
 
 def test_no_parameter_lies_on_a_bound():
@@ -70,7 +73,7 @@ def test_recordings_are_read_on_one_clock(tmp_path):
         pairs = zip(values.tolist(), (1e9 + seconds + shift).tolist(), strict=True)
         lines = [f"{value!r} {unix_s!r}\n" for value, unix_s in pairs]
         (folder / "exp_made_sensor1_exp1.txt").write_text("".join(lines))
-    r = fit_material.load_recording(tmp_path, "made", 1, 0.05)
+    r = fit_material.load_recording(tmp_path, SETTINGS, "made", 1, 0.05)
     assert len(r.force) > 290 and np.allclose(r.force, r.log_reading, atol=1e-4)
 
 
@@ -80,7 +83,7 @@ def test_committed_set_predicts_the_held_back_repetition(recordings):
     assert fitted["fitted_on"] == ["pike1_force_5", "pike1_force_10", "pike1_force_20", "pike1_force_40"]
     best = fit_material.Fit(result["parameters"], np.array(places["log_gain"]), np.array(places["exponent"]))
     for name in fitted["fitted_on"]:
-        r = fit_material.load_recording(folder, name, 2, fitted["clock_lag_s"])
+        r = fit_material.load_recording(folder, SETTINGS, name, 2, fitted["clock_lag_s"])
         (with_places,), (force_alone,) = (fit_material.scores(best, [r], each) for each in (True, False))
         assert with_places >= 0.99 and 0.9 < force_alone < 0.98, name
         assert with_places == pytest.approx(fitted["recordings"][name]["places"][1], abs=1e-6)
@@ -88,7 +91,7 @@ def test_committed_set_predicts_the_held_back_repetition(recordings):
 
 def test_presses_of_a_recording_are_found(recordings):
     lag = json.loads(FITTED.read_text())["fit"]["clock_lag_s"]
-    r = fit_material.load_recording(recordings(fit_material.SOURCE), "pike1_force_20", 2, lag)
+    r = fit_material.load_recording(recordings(fit_material.SOURCE), SETTINGS, "pike1_force_20", 2, lag)
     spans = fit_material.presses(r.force)
     assert len(spans) == 16
     assert max(end - start for start, end in spans) * DT == pytest.approx(27, abs=1)
