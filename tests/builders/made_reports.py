@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from builders.project import ROOT, small_variants
+from builders.project import ROOT, indexed, small_variants
 from pipeline import experiments
 from pipeline.base.files import sha256, write_table
 from pipeline.base.params import load
@@ -340,9 +340,7 @@ def varied(workspace, experiment: str, rows: list[tuple]) -> None:
     for seed, own in table.groupby("seed"):
         name = f"variants_{experiment}-{seed}-full"
         write_table(shards.result_file(workspace, name), own[claim_inputs.COLUMNS])
-        line = dict.fromkeys(shards.INDEX, "") | {"shard": name, "experiment": experiment, "seed": seed}
-        line["sha256"] = sha256(shards.result_file(workspace, name))
-        shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, name, [line])
+        indexed(workspace, name, experiment, seed)
     small_variants(workspace.root)
 
 

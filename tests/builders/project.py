@@ -215,6 +215,13 @@ def warm_python(folder: Path) -> Iterator[dict[str, str]]:
         shutil.rmtree(made)
 
 
+def indexed(workspace: Workspace, name: str, experiment: str, seed: int) -> None:
+    """Put the line of a shard, whose rows are there, into the index."""
+    line = dict.fromkeys(shards.INDEX, "") | {"shard": name, "experiment": experiment, "seed": seed}
+    line["sha256"] = files.sha256(shards.result_file(workspace, name))
+    shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, name, [line])
+
+
 def run_studies(project: Project) -> None:
     """Compute all studies and variants of the evidence with two seeds, on the data and models of the miniature."""
     workspace = Workspace(project.folder)
@@ -225,14 +232,13 @@ def run_studies(project: Project) -> None:
         for experiment in ("touch", "strain", "glove"):
             for table in workspace.study_result(experiment, "any").parent.glob("*.csv"):
                 name = f"{computed.get((table.stem, experiment))}-{seed}-full"
+                varied = table.stem == shards.VARIANTS
                 kept = shards.study_file(workspace, experiment, table.stem, seed)
-                kept = shards.result_file(workspace, name) if table.stem == shards.VARIANTS else kept
+                kept = shards.result_file(workspace, name) if varied else kept
                 kept.parent.mkdir(parents=True, exist_ok=True)
                 table.rename(kept)
-                if table.stem == shards.VARIANTS:
-                    line = dict.fromkeys(shards.INDEX, "") | {"shard": name, "experiment": experiment, "seed": seed}
-                    line["sha256"] = files.sha256(kept)
-                    shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, name, [line])
+                if varied:
+                    indexed(workspace, name, experiment, seed)
     index = shards.folder(workspace) / "index.csv"
     index.write_text(index.read_text() + "\n")  # tells DVC that there is something new
 
