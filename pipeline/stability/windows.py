@@ -1,20 +1,20 @@
-"""Stress of the experiments on windows, touch and velostat_recorded: perturbed windows, trained models, new errors.
+"""Stress of models of windows (touch, velostat_recorded): windows with changed readings, or of a changed scene.
 
-Perturbed readings. All test windows of a run are perturbed at once, so that the same elements fail in all conditions,
-and the draw is the same for every model. The sensor's range, the `span` of noise and offset, is the ADC's (touch) or
-what was read in training (velostat_recorded, whose readings have no unit); readings are clipped to it, counts are
-rounded. What an element reads at rest, for the gain, is its median over the training windows that end without a touch.
-A dead element or line reads the lowest value of the range. Frames are lost or late within a window, each on its own.
+Readings. All test windows of a run are changed at once, so that the same elements fail in all conditions. The sensor's
+range, the `span` of noise and offset, is the ADC's (touch) or what was read in training (velostat_recorded, whose
+readings have no unit); readings are clipped to it, counts are rounded. What an element reads at rest, for the gain, is
+its median over the training windows that end without a touch. A dead element or line reads the lowest value of the
+range. Frames are lost or late within a window, each on its own.
 
-Perturbed scenes (touch, where it is simulated). `scenes/touch_stress.py` writes logs to a temporary folder; they go
-through the ingest, the windows and the labels of the experiment. `prepare` does that once for all models.
+Scenes (touch, where it is simulated). `scenes/touch_stress.py` writes logs to a temporary folder; they go through the
+ingest, the windows and the labels of the experiment, once for all models (`simulate_scenes`).
 
-Of a condition named in stress.<experiment>.recordings only the first recordings are perturbed, and severity 0 is the
+Of a condition named in stress.<experiment>.recordings only the first recordings are changed, and severity 0 is the
 score of those; the score of all its clean windows is held against that of `evaluate`.
 """
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,8 +23,9 @@ import pyarrow as pa
 from tqdm import tqdm
 
 from pipeline import experiments, scenes, tasks
-from pipeline.base import files, params, workers
+from pipeline.base import files, workers
 from pipeline.base.paths import Workspace
+from pipeline.base.stress_tests import SCENE, StressTest
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
@@ -32,27 +33,24 @@ from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.learning.trained import Trained
 from pipeline.scenes import touch_stress
 from pipeline.scoring import metrics
-from pipeline.stability import clean_scores, perturbations
 from pipeline.tasks import windows as tasks_windows
 
-READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", "lost_frames", "jitter")
 REPORTED = ("rmse", "location_error", "touches_found")  # as far as the experiment has them
-UNCHANGED = "unchanged"
-ROUNDING = 1e-4  # relative: other processors sum in another order
+ANEW = "single_anew"  # the condition that has a scene of its own for severity 0
 
 
 class Case(NamedTuple):
-    """One perturbed scene in one condition, of the specimen that a seed trains on."""
+    """One changed scene in one condition, of the specimen that a seed trains on."""
 
     condition: str
-    perturbation: str
+    test: str
     severity: float
     specimen: int
 
 
-def prepare(workspace: Workspace, values: Mapping, experiment: str) -> None:
-    """Simulate every perturbed scene that params.yaml asks for, in parallel; check the names in its block first."""
-    listed = scene_cases(values, experiment)
+def simulate_scenes(workspace: Workspace, values: Mapping, experiment: str, plan: Mapping[StressTest, list]) -> None:
+    """Simulate every changed scene of a plan, in parallel."""
+    listed = scene_cases(values, experiment, plan)
     folder = workspace.stress_scenes(experiment)
     files.remove_folder(folder, inside=workspace.experiment_folder(experiment))
     folder.mkdir(parents=True)
@@ -63,23 +61,20 @@ def prepare(workspace: Workspace, values: Mapping, experiment: str) -> None:
             list(workers.run(simulate, tasks, bar))
 
 
-def scene_cases(values: Mapping, experiment: str) -> list[Case]:
-    """Return every scene to simulate, none without a simulator; InputError for an unknown perturbation."""
-    asked = values["stress"][experiment]["perturbations"]
-    known = touch_stress.VARIATIONS | touch_stress.LAYOUTS if "simulate" in values[experiment] else {}
-    params.check_known(asked, (*READINGS, *known), f"stress.{experiment}.perturbations")
-    if values[experiment].get("source") != "simulated":
+def scene_cases(values: Mapping, experiment: str, plan: Mapping[StressTest, list]) -> list[Case]:
+    """Return every scene to simulate."""
+    found = [
+        (condition, test.name, severity)
+        for test, severities in plan.items()
+        for condition in test.conditions
+        for severity in severities
+    ]
+    if not found:
         return []
     protocols, arrays = values["stress"][experiment]["protocols"], values[experiment]["simulate"]["specimens"]
     trained_on = {seed % arrays for name in protocols for seed in values[experiment]["protocols"][name]["seeds"]}
-    scenes_of_each = [
-        (condition, name, severity)
-        for name, severities in asked.items()
-        for condition in known.get(name, ())
-        for severity in severities
-    ]
-    anew = [("single_anew", UNCHANGED, 0)] if any(scene[0] == "single_anew" for scene in scenes_of_each) else []
-    return [Case(*scene, specimen) for specimen in sorted(trained_on) for scene in anew + scenes_of_each]
+    anew = [(ANEW, touch_stress.UNCHANGED, 0)] if any(condition == ANEW for condition, *_ in found) else []
+    return [Case(*scene, specimen) for specimen in sorted(trained_on) for scene in anew + found]
 
 
 def _of_few_presses(settings: Mapping, recordings: Mapping[str, int]) -> Mapping:
@@ -92,57 +87,46 @@ def _of_few_presses(settings: Mapping, recordings: Mapping[str, int]) -> Mapping
 
 
 def simulate(workspace: Workspace, settings: Mapping, experiment: str, case: Case, report: Callable[[], None]) -> None:
-    """Logs, frames, windows and labels of one perturbed scene, as a dataset in the folder of `prepare`."""
+    """Write the dataset of one changed scene, from its logs, to the folder of `simulate_scenes`."""
     module = experiments.module(experiment)
-    varied = touch_stress.varied(settings, case.perturbation, case.severity)
+    block = touch_stress.changed(settings, case.test, case.severity).settings
     recordings, logs_of = touch_stress.plan(settings, *case)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         scenes.write_logs(folder, recordings, logs_of)
         paths_of = (folder / recording.condition / recording.name for recording in recordings)
-        frames = [module.read_recording(path, varied)[0] for path in paths_of]
-    windows = windows_of(pa.concat_tables(frames).unify_dictionaries().combine_chunks(), varied["window"])
-    table = windows.append_column("y", schemas.lists(module.labels(windows, varied), pa.float32()))
+        frames = [module.read_recording(path, block)[0] for path in paths_of]
+    windows = windows_of(pa.concat_tables(frames).unify_dictionaries().combine_chunks(), block["window"])
+    table = windows.append_column("y", schemas.lists(module.labels(windows, block), pa.float32()))
     schemas.write(_scene_file(workspace, experiment, case), table.schema, [table])
     report()
 
 
-def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
-    """Return one model's rows: (protocol, condition, seed, perturbation, severity, metric, unit, value, n).
-
-    Severity 0 stands before every perturbation that has an unperturbed version. The scores of all clean windows are
-    those of `evaluate`, or InputError is raised. A run that failed in training keeps its rows, with NaN as value.
-    `prepare` ran before.
-    """
-    import torch
-
-    torch.set_num_threads(1)
-    settings, stress = values[experiment], values["stress"][experiment]
-    spec = tasks_windows.spec(settings)
-    data = read_dataset(workspace.dataset(experiment), spec.frames)
-    perturbed_scenes = {
-        case: read_dataset(_scene_file(workspace, experiment, case), spec.frames)
-        for case in scene_cases(values, experiment)
-    }
-    check, rows_of_runs = clean_scores.checker(workspace, experiment, ROUNDING), []
-    for protocol in stress["protocols"]:
-        for seed in settings["protocols"][protocol]["seeds"]:
-            run = tasks.load(workspace, values, experiment, model, protocol, seed, spec)
-            test = np.flatnonzero(data.part(protocol, seed) == "test")
-            few = test[_in_first_recordings(data.rows.take(test), stress.get("recordings", {}))]
-            whole = _readings_rows(experiment, values, data, (protocol, seed), run, test, {})
-            rows_of_run = _readings_rows(experiment, values, data, (protocol, seed), run, few, stress["perturbations"])
-            rows_of_run += _scene_rows(experiment, settings, seed, perturbed_scenes, run)
-            for condition in experiments.module(experiment).STRESSED:
-                clean = [row[3:] for row in whole if row[:2] == (condition, UNCHANGED)]
-                check((protocol, condition, model, seed), clean)
-            rows_of_runs += [(protocol, condition, seed, *rest) for condition, *rest in with_clean(rows_of_run)]
-            report()
-    return rows_of_runs
+def _scene_file(workspace: Workspace, experiment: str, case: Case) -> Path:
+    name = f"{case.condition}-{case.test}-{case.severity:g}-{case.specimen}.parquet"
+    return workspace.stress_scenes(experiment) / name
 
 
-def perturber(settings: Mapping, data: Dataset, train: np.ndarray) -> Callable:
-    """Return `change(x, perturbation, severity, rng)` of windows x (n, frames, elements); train: (n of data,) bool."""
+class Levels(NamedTuple):
+    """The test windows of a run, and what readings were in its training part."""
+
+    test: np.ndarray  # (n,) row numbers
+    few: np.ndarray  # those that are changed
+    known: Mapping  # by the names of the tests' keywords
+    low: float  # readings are clipped to these
+    high: float
+    whole: bool  # readings are counts
+
+    def changed(self, x: np.ndarray, test: StressTest, severity: float, rng: np.random.Generator) -> np.ndarray:
+        """Return windows x (n, frames, elements) after a test."""
+        changed = test.changed(x, severity, rng, self.known)
+        if severity == 0:
+            return changed
+        return np.clip(np.rint(changed) if self.whole else changed, self.low, self.high)
+
+
+def training_levels(settings: Mapping, data: Dataset, train: np.ndarray) -> dict:
+    """Return the fields of Levels that the training windows give; train: (n of data,) bool."""
     readings, highest_count = data.x[train], settings["ingest"].get("highest_count")
     if highest_count:
         low, high = 0.0, float(highest_count)
@@ -151,92 +135,113 @@ def perturber(settings: Mapping, data: Dataset, train: np.ndarray) -> Callable:
     force_n = np.nansum(schemas.matrix(data.rows["force_n"]), axis=1)[train]
     untouched = readings[force_n < settings["window"]["contact_threshold_n"]]
     rest = np.median(untouched if len(untouched) else readings, axis=(0, 1))
-    sensor = settings["sensor"]
-    needed = {
-        "noise": {"span": high - low},
-        "offset_drift": {"span": high - low},
-        "gain_drift": {"rest": rest},
-        "dead": {"low": low},
-        "dead_line": {"low": low, "rows": sensor["rows"], "cols": sensor["cols"]},
-    }
-
-    def change(x: np.ndarray, perturbation: str, severity: float, rng: np.random.Generator) -> np.ndarray:
-        changed = getattr(perturbations, perturbation)(x, severity, rng, **needed.get(perturbation, {}))
-        if severity == 0:
-            return changed
-        return np.clip(np.rint(changed) if highest_count else changed, low, high)
-
-    return change
+    sensor = {key: settings["sensor"][key] for key in ("rows", "cols")}
+    known = {"span": high - low, "rest": rest, "low": low} | sensor
+    return {"known": known, "low": low, "high": high, "whole": bool(highest_count)}
 
 
-def with_clean(rows: list[tuple]) -> list[tuple]:
-    """Return rows (condition, perturbation, severity, ...), rows of `unchanged` copied before every perturbation."""
-    clean = [row for row in rows if row[1] == UNCHANGED]
-    groups = dict.fromkeys(row[1] for row in rows if row[1] != UNCHANGED)
-    result = []
-    for name in groups:
-        perturbed = [row for row in rows if row[1] == name]
-        conditions = {row[0] for row in perturbed}
-        result += [(row[0], name, 0, *row[3:]) for row in clean if row[0] in conditions] + perturbed
-    return result
+class Changed(NamedTuple):
+    """Windows to predict and score."""
+
+    x: np.ndarray  # (n, frames, elements)
+    rows: np.ndarray  # (n,) of `data`
+    data: Dataset
+    conditions: tuple[str, ...]  # what is scored: windows of these conditions, or of a scene all under its name
+    settings: Mapping  # the experiment's block, by which labels are scored
+
+
+class Run(NamedTuple):
+    """One trained model and its scores without a change, by condition."""
+
+    trained: Trained
+    clean: dict[str, list[metrics.Row]]  # of all test windows
+    unchanged: dict[str, list[metrics.Row]]  # of the windows that are changed, and of the scene drawn anew
+
+
+class Windows:
+    """How models of windows are put under stress, see loop.py."""
+
+    rounding = 1e-4  # relative: other processors sum in another order
+
+    def __init__(self, workspace: Workspace, values: Mapping, experiment: str):
+        self.workspace, self.values, self.experiment = workspace, values, experiment
+        self.settings, self.module = values[experiment], experiments.module(experiment)
+        self.data = read_dataset(workspace.dataset(experiment), self.settings["window"]["frames"])
+        self.condition = schemas.names(self.data.rows["condition"])
+        self.scenes: dict[Case, Dataset] = {}
+
+    def group(self, protocol: str) -> str:
+        """Return the protocol: each has its own test windows."""
+        return protocol
+
+    def levels(self, protocol: str, seed: int) -> Levels:
+        """Return the test windows of a run, and what readings were in training."""
+        part = self.data.part(protocol, seed)
+        test = np.flatnonzero(part == "test")
+        recordings = self.values["stress"][self.experiment].get("recordings", {})
+        few = test[_in_first_recordings(self.data.rows.take(test), recordings)]
+        return Levels(test, few, **training_levels(self.settings, self.data, part == "train"))
+
+    def run(self, model: str, protocol: str, seed: int, levels: Levels) -> Run:
+        """Return a trained model and its scores of all test windows, and of those that are changed."""
+        spec = tasks_windows.spec(self.settings)
+        run = Run(tasks.load(self.workspace, self.values, self.experiment, model, protocol, seed, spec), {}, {})
+        run.clean.update(self.scores(run, [self._windows(levels.test)]))
+        fewer = len(levels.few) < len(levels.test)
+        run.unchanged.update(self.scores(run, [self._windows(levels.few)]) if fewer else run.clean)
+        return run
+
+    def unchanged(
+        self, run: Run, levels: Levels, test: StressTest, seed: int
+    ) -> Iterator[tuple[str, list[metrics.Row]]]:
+        """Yield (condition, scores) without the test, where there is something without it."""
+        for condition in test.conditions if test.acts_on == SCENE else self.module.STRESSED:
+            if condition == ANEW and ANEW not in run.unchanged:
+                run.unchanged.update(self.scores(run, [self._scene(ANEW, touch_stress.UNCHANGED, 0, seed)]))
+            if condition in run.unchanged:
+                yield condition, run.unchanged[condition]
+
+    def apply(self, levels: Levels, test: StressTest, severity: float, seed: int) -> list[Changed]:
+        """Return the windows of a test at one severity."""
+        if test.acts_on == SCENE:
+            return [self._scene(condition, test.name, severity, seed) for condition in test.conditions]
+        windows = self._windows(levels.few)
+        return [windows._replace(x=levels.changed(windows.x, test, severity, generator(seed, "stress", test.draw)))]
+
+    def _windows(self, rows: np.ndarray) -> Changed:
+        """Return windows of the dataset, unchanged."""
+        return Changed(self.data.x[rows], rows, self.data, self.module.STRESSED, self.settings)
+
+    def _scene(self, condition: str, name: str, severity: float, seed: int) -> Changed:
+        """Return the windows of a changed scene that `simulate_scenes` made."""
+        case = Case(condition, name, severity, seed % self.settings["simulate"]["specimens"])
+        if case not in self.scenes:
+            path = _scene_file(self.workspace, self.experiment, case)
+            self.scenes[case] = read_dataset(path, self.settings["window"]["frames"])
+        data, block = self.scenes[case], touch_stress.changed(self.settings, name, severity).settings
+        return Changed(data.x, np.arange(len(data.x)), data, (condition,), block)
+
+    def scores(self, run: Run, changed: list[Changed]) -> Iterator[tuple[str, list[metrics.Row]]]:
+        """Yield the scores of REPORTED by condition; NaN for a failed run."""
+        for windows in changed:
+            predicted = tasks_windows.predict(run.trained.model, windows.x, windows.data, windows.rows)
+            for tested in windows.conditions:
+                every = tested == "all" or windows.data is not self.data
+                chosen = every | (self.condition[windows.rows] == tested)
+                if chosen.any():
+                    truth = windows.data.y[windows.rows[chosen]]
+                    found = tasks_windows.score(self.module, truth, predicted[chosen], windows.settings)
+                    yield (
+                        tested,
+                        [row for row in metrics.unless_failed(found, run.trained.failed) if row[0] in REPORTED],
+                    )
 
 
 def _in_first_recordings(rows: pa.Table, recordings: Mapping[str, int]) -> np.ndarray:
-    """Return which rows are perturbed, (n,) bool: of a condition in `recordings`, those of its first recordings."""
+    """Return which rows are changed, (n,) bool: of a condition in `recordings`, those of its first recordings."""
     condition, names = schemas.names(rows["condition"]), schemas.names(rows["recording"])
     chosen = np.full(len(names), True)
     for name, number in recordings.items():
         of_condition = condition == name
         chosen &= ~of_condition | np.isin(names, np.unique(names[of_condition])[:number])
     return chosen
-
-
-def _readings_rows(
-    experiment: str,
-    values: Mapping,
-    data: Dataset,
-    run: tuple[str, int],
-    trained: Trained,
-    rows: np.ndarray,
-    asked: Mapping,
-) -> list[tuple]:
-    """Return (condition, perturbation, severity, metric, unit, value, n) of the windows `rows`, clean and perturbed.
-
-    run: protocol and seed; rows: (n,) row numbers of test windows; asked: perturbation -> severities.
-    """
-    settings, (protocol, seed) = values[experiment], run
-    module = experiments.module(experiment)
-    x, condition = data.x[rows], schemas.names(data.rows["condition"])[rows]
-    change = perturber(settings, data, data.part(protocol, seed) == "train")
-    wanted = [(UNCHANGED, 0), *((name, severity) for name in asked if name in READINGS for severity in asked[name])]
-    scored = []
-    for name, severity in wanted:
-        changed = x if name == UNCHANGED else change(x, name, severity, generator(seed, "stress", name))
-        predicted = tasks_windows.predict(trained.model, changed, data, rows)
-        for tested in module.STRESSED:
-            chosen = np.full(len(rows), True) if tested == "all" else condition == tested
-            if chosen.any():
-                scores = tasks_windows.score(module, data.y[rows[chosen]], predicted[chosen], settings)
-                scores = metrics.unless_failed(scores, trained.failed)
-                scored += [(tested, name, severity, *row) for row in scores if row[0] in REPORTED]
-    return scored
-
-
-def _scene_rows(
-    experiment: str, settings: Mapping, seed: int, perturbed_scenes: Mapping[Case, Dataset], trained: Trained
-) -> list[tuple]:
-    """Return rows as `_readings_rows`, of the perturbed scenes of the seed's specimen."""
-    rows, module = [], experiments.module(experiment)
-    for case, data in perturbed_scenes.items():
-        if case.specimen != seed % settings["simulate"]["specimens"]:
-            continue
-        varied = touch_stress.varied(settings, case.perturbation, case.severity)
-        predicted = tasks_windows.predict(trained.model, data.x, data, np.arange(len(data.x)))
-        scores = tasks_windows.score(module, data.y, predicted, varied)
-        rows += [(*case[:3], *row) for row in metrics.unless_failed(scores, trained.failed) if row[0] in REPORTED]
-    return rows
-
-
-def _scene_file(workspace: Workspace, experiment: str, case: Case) -> Path:
-    name = f"{case.condition}-{case.perturbation}-{case.severity:g}-{case.specimen}.parquet"
-    return workspace.stress_scenes(experiment) / name
