@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import experiments, tasks
+from pipeline import experiments
 from pipeline.base import paths
 from pipeline.base.paths import Workspace
 from pipeline.base.stress_tests import FRAMES, SCENE, StressTest
@@ -35,6 +35,7 @@ from pipeline.datasets import images, schemas
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import glove_stress
 from pipeline.scoring import classification, metrics
+from pipeline.stability import run
 from pipeline.tasks import images as tasks_images
 
 AREAS = ("pressure", "strain")
@@ -61,65 +62,52 @@ class Frames(NamedTuple):
     areas: Mapping[str, Area]
 
 
-class Run:
-    """One trained model and its predictions of the test images as they are."""
-
-    def __init__(self, workspace: Workspace, values: Mapping, experiment: str, model: str, protocol: str, seed: int):
-        data = images.read(workspace.dataset(experiment), protocol, seed)
-        spec = tasks_images.spec(data)
-        self.model, self.failed = tasks.load(workspace, values, experiment, model, protocol, seed, spec)
-        self.modality, self.part = images.modality(protocol), data.part
-        self.x, self.y = tasks_images.part_of(data, "test")
-        self.predicted = self.model.predict(self.x)
-        self.clean = {self.modality: self._scores(self.predicted)}
-
-    def scores(self, pictures: np.ndarray) -> list:
-        """Return the scores of test images (n, SIDE, SIDE) uint8 after a perturbation; predicts the changed."""
-        x = pictures.reshape(self.x.shape).astype(np.float32)
-        changed = np.flatnonzero((x != self.x).any(axis=(1, 2)))
-        predicted = self.predicted.copy()
-        if len(changed):
-            predicted[changed] = self.model.predict(x[changed])
-        return self._scores(predicted)
-
-    def _scores(self, predicted: np.ndarray) -> list:
-        return metrics.unless_failed(classification.scores(self.y, predicted), self.failed)
-
-
-class Images:
-    """How models of images are put under stress, see loop.py."""
+class Run(run.Run):
+    """A model of images."""
 
     rounding = 2e-3  # of a fraction: on another processor one image in a thousand may fall on the other side
 
-    def __init__(self, workspace: Workspace, values: Mapping, experiment: str):
-        self.workspace, self.values, self.experiment = workspace, values, experiment
-
-    def group(self, protocol: str) -> str:
+    @staticmethod
+    def group(protocol: str) -> str:
         """Return the split: its protocols show the same frames, in several modalities."""
         return images.split_name(protocol)
 
-    def levels(self, protocol: str, seed: int) -> Frames:
-        """Return the frames, with their areas as they were in training."""
-        part = images.read(self.workspace.dataset(self.experiment), protocol, seed).part
-        return read(self.workspace, self.experiment, self.values[self.experiment], part)
+    def read(self) -> None:
+        """Read the images of the run."""
+        self.data = images.read(self.workspace.dataset(self.experiment), self.protocol, self.seed)
+        self.modality = images.modality(self.protocol)
+        self.x, self.y = tasks_images.part_of(self.data, "test")
 
-    def run(self, model: str, protocol: str, seed: int, levels: Frames) -> Run:
-        """Return a trained model and its predictions of the test images."""
-        return Run(self.workspace, self.values, self.experiment, model, protocol, seed)
+    def spec(self):
+        """Return the shapes of the task."""
+        return tasks_images.spec(self.data)
 
-    def unchanged(
-        self, run: Run, levels: Frames, test: StressTest, seed: int
-    ) -> Iterator[tuple[str, list[metrics.Row]]]:
-        """Yield (modality, scores) of the test images as they are."""
-        yield from run.clean.items()
+    def predict_clean(self) -> None:
+        """Predict the test images as they are."""
+        self.predicted = self.model.predict(self.x)
+        self.clean = {self.modality: self.scored(self.predicted)}
 
-    def apply(self, levels: Frames, test: StressTest, severity: float, seed: int) -> dict[str, np.ndarray]:
+    @functools.cached_property
+    def frames(self) -> Frames:
+        """Return the frames of the images, with their areas as they were in training."""
+        return read(self.workspace, self.experiment, self.settings, self.data.part)
+
+    def changed(self, test: StressTest, severity: float) -> dict[str, np.ndarray]:
         """Return the test images after a test: modality -> (n, SIDE, SIDE) uint8."""
-        return stressed(self.experiment, self.values[self.experiment], levels, test, severity, seed)
+        return stressed(self.experiment, self.settings, self.frames, test, severity, self.seed)
 
-    def scores(self, run: Run, changed: Mapping[str, np.ndarray]) -> Iterator[tuple[str, list[metrics.Row]]]:
-        """Yield (modality, scores) of one model."""
-        yield run.modality, run.scores(changed[run.modality])
+    def scores(self, changed: Mapping[str, np.ndarray]) -> run.Scored:
+        """Yield the modality and the scores of the model, which predicts what changed."""
+        x = changed[self.modality].reshape(self.x.shape).astype(np.float32)
+        different = np.flatnonzero((x != self.x).any(axis=(1, 2)))
+        predicted = self.predicted.copy()
+        if len(different):
+            predicted[different] = self.model.predict(x[different])
+        yield self.modality, self.scored(predicted)
+
+    def scored(self, predicted: np.ndarray) -> list[metrics.Row]:
+        """Return the scores of predictions (n, classes); NaN for a failed run."""
+        return metrics.unless_failed(classification.scores(self.y, predicted), self.failed)
 
 
 def read(workspace: Workspace, experiment: str, settings: Mapping, part: np.ndarray) -> Frames:

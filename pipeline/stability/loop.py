@@ -1,15 +1,7 @@
 """Put trained models under stress: one loop over runs, stress tests and severities, for every kind of input.
 
-A kind is a class in windows.py, series.py or images.py that knows how to apply a test and how to score it:
-
-* `Kind(workspace, values, experiment)`; `rounding`: how far clean scores may be from those of `evaluate`.
-* `group(protocol)`: protocols with the same name share their readings.
-* `levels(protocol, seed)` -> the test readings of a run, and what readings were in training.
-* `run(model, protocol, seed, levels)` -> a trained model; its `clean`: condition -> scores of all of its test part.
-* `unchanged(run, levels, test, seed)` -> (condition, scores) of severity 0, what all others are compared with.
-* `apply(levels, test, severity, seed)` -> changed inputs; `scores(run, changed)` -> (condition, scores) of each.
-
-A draw depends on the seed and the name of the test alone, so that all models see the same.
+How a test is applied and scored is each kind's own: the class `Run` of windows.py, series.py and images.py. A draw
+depends on the seed and the name of the test alone, so that all models see the same.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -17,19 +9,17 @@ from collections.abc import Callable, Iterator, Mapping
 from pipeline import tasks
 from pipeline.base.paths import Workspace
 from pipeline.base.stress_tests import SCENE, planned
-from pipeline.stability import clean_scores, perturbations  # noqa: F401 - they register themselves
-from pipeline.stability.images import Images
-from pipeline.stability.series import Series
-from pipeline.stability.windows import Windows, simulate_scenes
+from pipeline.stability import clean_scores, images, series, windows
+from pipeline.stability import perturbations as perturbations  # the tests of readings register themselves
 
-KINDS = {"windows": Windows, "series": Series, "images": Images}
+KINDS = {"windows": windows, "series": series, "images": images}
 
 
 def prepare(workspace: Workspace, values: Mapping, experiment: str) -> None:
     """Check the tests that params.yaml asks for, and simulate the scenes that all models of windows share."""
     plan = planned(values, experiment, tasks.kind(experiment))
     if tasks.kind(experiment) == "windows":
-        simulate_scenes(workspace, values, experiment, plan)
+        windows.simulate_scenes(workspace, values, experiment, plan)
 
 
 def runs(values: Mapping, experiment: str) -> Iterator[tuple[str, int]]:
@@ -50,35 +40,27 @@ def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, rep
 
     torch.set_num_threads(1)
     plan = planned(values, experiment, tasks.kind(experiment))
-    kind = KINDS[tasks.kind(experiment)](workspace, values, experiment)
-    check = clean_scores.checker(workspace, experiment, kind.rounding)
+    of_kind = KINDS[tasks.kind(experiment)].Run
+    check = clean_scores.checker(workspace, experiment, of_kind.rounding)
     found: dict[tuple[str, int], list[tuple]] = {run: [] for run in runs(values, experiment)}
     groups: dict[tuple[str, int], list[str]] = {}
     for protocol, seed in found:
-        groups.setdefault((kind.group(protocol), seed), []).append(protocol)
+        groups.setdefault((of_kind.group(protocol), seed), []).append(protocol)
     for (_, seed), protocols in groups.items():
-        levels = kind.levels(protocols[0], seed)
-        trained = {protocol: kind.run(model, protocol, seed, levels) for protocol in protocols}
-        for protocol, run in trained.items():
+        together = [of_kind(workspace, values, experiment, model, protocol, seed) for protocol in protocols]
+        for run in together:
             for condition, scores in run.clean.items():
-                check((protocol, condition, model, seed), scores)
+                check((run.protocol, condition, model, seed), scores)
         for test, severities in plan.items():
-            scored = {
-                protocol: [(0, *each) for each in kind.unchanged(run, levels, test, seed)]
-                for protocol, run in trained.items()
-            }
+            scored = [[(0, *each) for each in run.unchanged(test)] for run in together]
             for severity in severities:
-                changed = kind.apply(levels, test, severity, seed)
-                for protocol, run in trained.items():
-                    scored[protocol] += [(severity, *each) for each in kind.scores(run, changed)]
-            for protocol, own in scored.items():
-                ordered = by_condition(own) if test.acts_on == SCENE else own
-                found[protocol, seed] += [
-                    (condition, seed, test.name, severity, *row)
-                    for severity, condition, scores in ordered
-                    for row in scores
-                ]
-        for _ in protocols:
+                changed = together[0].changed(test, severity)
+                for run, own in zip(together, scored, strict=True):
+                    own += [(severity, *each) for each in run.scores(changed)]
+            for run, own in zip(together, scored, strict=True):
+                for severity, condition, scores in by_condition(own) if test.acts_on == SCENE else own:
+                    found[run.protocol, seed] += [(condition, seed, test.name, severity, *row) for row in scores]
+        for _ in together:
             report()
     return [(protocol, *row) for (protocol, _), own in found.items() for row in own]
 

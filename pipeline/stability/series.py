@@ -17,23 +17,22 @@ Readings stay between 0 V and what a loose strand reads.
 import functools
 import json
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
-from pipeline import experiments, scenes, tasks
+from pipeline import experiments, scenes
 from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.base.stress_tests import SAMPLES, SCENE, StressTest, stress_test
 from pipeline.datasets import schemas, series
 from pipeline.datasets.seeding import generator
-from pipeline.learning.trained import Trained
 from pipeline.logs import alignment, parse
 from pipeline.scenes import strain_stress
 from pipeline.scoring import metrics
+from pipeline.stability import run
 from pipeline.tasks import series as tasks_series
 
 METRICS = ("error", "r2", "press_error")
@@ -49,33 +48,6 @@ def time(minutes: np.ndarray, severity: float, severities: Sequence[float]) -> n
     return (minutes > before) & (minutes <= severity)
 
 
-class Part(NamedTuple):
-    """The test part of one recording, with the samples before it."""
-
-    piece: series.Piece
-    first: int  # sample of the test part
-    last: int  # the sample after it
-
-    @property
-    def record(self) -> series.Record:
-        """Return the samples of the test part, n of them."""
-        return series.Record(*(column[self.first : self.last] for column in self.piece.record))
-
-    @property
-    def minutes(self) -> np.ndarray:
-        """Return the age of the samples since the start of the test part, (n,)."""
-        time_s = self.piece.time_s[self.first : self.last]
-        return (time_s - time_s[0]) / 60
-
-
-class Levels(NamedTuple):
-    """The test parts of a run, and what channels read in training."""
-
-    protocol: str
-    parts: list[Part]
-    known: Mapping  # in V, by the names of the tests' keywords
-
-
 def training_levels(pieces: list[series.Piece], settings: Mapping) -> dict:
     """Return range and rest of each channel, and what a loose strand reads; pieces: all recordings of a run."""
     x = np.concatenate([piece.record.x[piece.record.training] for piece in pieces])
@@ -84,113 +56,82 @@ def training_levels(pieces: list[series.Piece], settings: Mapping) -> dict:
     return {"span": np.ptp(x, axis=0), "rest": np.median(x[free], axis=0), "low": loose}
 
 
-def changed(voltages: np.ndarray, test: StressTest, severity: float, seed: int, known: Mapping) -> np.ndarray:
-    """Return the voltages (T, channels) of a test part after a test of readings."""
-    found = test.changed(voltages, severity, generator(seed, "stress", test.draw), known)
-    return np.clip(found, min(0, voltages.min()), max(known["low"], voltages.max()))
-
-
 class Changed(NamedTuple):
-    """What a model sees of one test part; one of the last three is not None."""
+    """What a model sees of the test part, or in its place."""
 
-    number: int  # of the part
-    voltages: np.ndarray | None = None  # (n, channels) in place of the part's
-    counted: np.ndarray | None = None  # (n,) bool: samples that count, nothing else is changed
-    scene: series.Record | None = None  # in place of the whole recording
-
-
-class Run:
-    """One trained model and its predictions of the test parts."""
-
-    def __init__(self, trained: Trained, task: series.Task, levels: Levels):
-        self.predict, self.failed, self.task, self.parts = trained.model.predict, trained.failed, task, levels.parts
-        self.predicted, self.starts = [], []
-        for part in self.parts:
-            x, first = part.piece.record.x[: part.last], part.first
-            predicted, start = self.predict(x)[first:], max(0, first - WARM_UP)
-            forgets = np.allclose(self.predict(x[start:])[first - start :], predicted, rtol=0, atol=SAME_MM)
-            self.predicted.append(predicted)
-            self.starts.append(start if forgets else 0)
-        found = zip(self.parts, self.predicted, strict=True)
-        self.clean = {part.piece.condition: self.scores(part.record, predicted) for part, predicted in found}
-
-    def scores(self, record: series.Record, predicted: np.ndarray) -> list[metrics.Row]:
-        """Return the rows of METRICS that the task has; NaN for a failed run."""
-        scored = [row for row in metrics.series(record, predicted, self.task.outputs) if row[0] in METRICS]
-        return metrics.unless_failed(scored, self.failed)
-
-    def under(self, changed: Changed) -> list[metrics.Row]:
-        """Return the scores of one test part after a change."""
-        part, start = self.parts[changed.number], self.starts[changed.number]
-        if changed.scene is not None:
-            return self.scores(changed.scene, self.predict(changed.scene.x))
-        if changed.counted is not None:
-            counted = series.Record(*(column[changed.counted] for column in part.record))
-            return self.scores(counted, self.predicted[changed.number][changed.counted])
-        x = np.concatenate([part.piece.record.x[start : part.first], changed.voltages])
-        return self.scores(part.record, self.predict(x)[part.first - start :])
+    record: series.Record  # what is scored, n samples
+    counted: np.ndarray | None = (
+        None  # (samples of the test part,) bool: those of the record; their voltages are as before
+    )
+    scene: bool = False  # the record is a recording of its own
 
 
-class Series:
-    """How models of series are put under stress, see loop.py."""
+class Run(run.Run):
+    """A model of series and the one recording with a test part."""
 
     rounding = 1e-4  # mm, and relative: other processors sum in another order
 
-    def __init__(self, workspace: Workspace, values: Mapping, experiment: str):
-        self.workspace, self.values, self.experiment = workspace, values, experiment
-        self.settings, self.module = values[experiment], experiments.module(experiment)
+    def read(self) -> None:
+        """Read the test part, and what channels read in training."""
+        self.task = self.module.task(self.protocol, self.settings)
+        pieces = series.read(self.workspace.dataset(self.experiment), self.task, self.protocol, self.seed)
+        self.levels = training_levels(pieces, self.settings)
+        (self.piece,) = (piece for piece in pieces if (piece.part == "test").any())
 
-    def group(self, protocol: str) -> str:
-        """Return the protocol: each has its own recordings."""
-        return protocol
+    def spec(self):
+        """Return the shapes of the task."""
+        return tasks_series.spec(self.experiment, self.settings, self.protocol)
 
-    def levels(self, protocol: str, seed: int) -> Levels:
-        """Return the test parts of a run, and what channels read in training."""
-        task = self.module.task(protocol, self.settings)
-        pieces = series.read(self.workspace.dataset(self.experiment), task, protocol, seed)
-        tests = [(piece, np.flatnonzero(piece.part == "test")) for piece in pieces]
-        parts = [Part(piece, test[0], test[-1] + 1) for piece, test in tests if len(test)]
-        return Levels(protocol, parts, training_levels(pieces, self.settings))
+    def predict_clean(self) -> None:
+        """Predict the test part, and find where a model may start that then predicts the same."""
+        test = np.flatnonzero(self.piece.part == "test")
+        first, last = test[0], test[-1] + 1
+        x, self.test = self.piece.record.x[:last], series.Record(*(column[first:last] for column in self.piece.record))
+        self.predicted, start = self.model.predict(x)[first:], max(0, first - WARM_UP)
+        forgets = np.allclose(self.model.predict(x[start:])[first - start :], self.predicted, rtol=0, atol=SAME_MM)
+        self.before = x[start if forgets else 0 : first]
+        self.minutes = (self.piece.time_s[first:last] - self.piece.time_s[first]) / 60
+        self.clean = {self.piece.condition: self.scored(self.test, self.predicted)}
 
-    def run(self, model: str, protocol: str, seed: int, levels: Levels) -> Run:
-        """Return a trained model and its predictions of the test parts."""
-        spec = tasks_series.spec(self.experiment, self.settings, protocol)
-        trained = tasks.load(self.workspace, self.values, self.experiment, model, protocol, seed, spec)
-        return Run(trained, self.module.task(protocol, self.settings), levels)
+    def scored(self, record: series.Record, predicted: np.ndarray) -> list[metrics.Row]:
+        """Return the rows of METRICS that the task has; NaN for a failed run."""
+        found = [row for row in metrics.series(record, predicted, self.task.outputs) if row[0] in METRICS]
+        return metrics.unless_failed(found, self.failed)
 
-    def unchanged(
-        self, run: Run, levels: Levels, test: StressTest, seed: int
-    ) -> Iterator[tuple[str, list[metrics.Row]]]:
-        """Yield (condition, scores) of severity 0: of the scene without a change, or of the test part as it is."""
-        yield from self.scores(run, self.apply(levels, test, 0, seed)) if test.acts_on == SCENE else run.clean.items()
+    def unchanged(self, test: StressTest) -> run.Scored:
+        """Return the scores of severity 0, of a scene those of the recording without a change."""
+        return self.scores(self.changed(test, 0)) if test.acts_on == SCENE else self.clean.items()
 
-    def apply(self, levels: Levels, test: StressTest, severity: float, seed: int) -> list[Changed]:
-        """Return what a model sees after a test; InputError where no sample is as old as it asks."""
-        return [self._changed(levels, number, test, severity, seed) for number in range(len(levels.parts))]
-
-    def _changed(self, levels: Levels, number: int, test: StressTest, severity: float, seed: int) -> Changed:
+    def changed(self, test: StressTest, severity: float) -> Changed:
+        """Return the test part after a test; InputError where no sample is as old as it asks."""
         if test.acts_on == SCENE:
-            finger = seed % self.settings["simulate"]["specimens"]
-            block = json.dumps(self.settings)
-            return Changed(
-                number, scene=scene_record(block, self.experiment, levels.protocol, test.name, severity, finger)
-            )
-        part = levels.parts[number]
+            which = test.name, severity, self.seed % self.settings["simulate"]["specimens"]
+            return Changed(scene_record(json.dumps(self.settings), self.experiment, self.protocol, *which), scene=True)
         if test.acts_on == SAMPLES:
-            minutes, asked = part.minutes, self.values["stress"][self.experiment]["perturbations"][test.name]
-            counted = test.function(minutes, severity, asked)
-            if not (counted & part.record.counted).any():
+            counted = test.function(self.minutes, severity, self.asked["perturbations"][test.name])
+            if not (counted & self.test.counted).any():
                 raise InputError(
-                    f"params.yaml, stress: no sample of {levels.protocol} is {severity:g} minutes old; its test part "
-                    f"lasts {minutes[-1]:.1f} minutes"
+                    f"params.yaml, stress: no sample of {self.protocol} is {severity:g} minutes old; its test part "
+                    f"lasts {self.minutes[-1]:.1f} minutes"
                 )
-            return Changed(number, counted=counted)
-        return Changed(number, voltages=changed(part.record.x, test, severity, seed, levels.known))
+            return Changed(series.Record(*(column[counted] for column in self.test)), counted)
+        return Changed(self.test._replace(x=changed(self.test.x, test, severity, self.seed, self.levels)))
 
-    def scores(self, run: Run, changed: list[Changed]) -> Iterator[tuple[str, list[metrics.Row]]]:
-        """Yield (condition, scores) of every test part."""
-        for one in changed:
-            yield run.parts[one.number].piece.condition, run.under(one)
+    def scores(self, changed: Changed) -> run.Scored:
+        """Yield the condition and the scores of the model."""
+        if changed.scene:
+            predicted = self.model.predict(changed.record.x)
+        elif changed.counted is not None:
+            predicted = self.predicted[changed.counted]
+        else:
+            predicted = self.model.predict(np.concatenate([self.before, changed.record.x]))[len(self.before) :]
+        yield self.piece.condition, self.scored(changed.record, predicted)
+
+
+def changed(voltages: np.ndarray, test: StressTest, severity: float, seed: int, levels: Mapping) -> np.ndarray:
+    """Return the voltages (T, channels) of a test part after a test of readings."""
+    found = test.changed(voltages, severity, generator(seed, "stress", test.draw), levels)
+    return np.clip(found, min(0, voltages.min()), max(levels["low"], voltages.max()))
 
 
 @functools.lru_cache(maxsize=512)

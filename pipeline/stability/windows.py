@@ -13,6 +13,7 @@ Of a condition named in stress.<experiment>.recordings only the first recordings
 score of those; the score of all its clean windows is held against that of `evaluate`.
 """
 
+import functools
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -22,7 +23,7 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import experiments, scenes, tasks
+from pipeline import experiments, scenes
 from pipeline.base import files, workers
 from pipeline.base.paths import Workspace
 from pipeline.base.stress_tests import SCENE, StressTest
@@ -30,9 +31,9 @@ from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
 from pipeline.datasets.windows import Dataset, read_dataset
-from pipeline.learning.trained import Trained
 from pipeline.scenes import touch_stress
 from pipeline.scoring import metrics
+from pipeline.stability import run
 from pipeline.tasks import windows as tasks_windows
 
 REPORTED = ("rmse", "location_error", "touches_found")  # as far as the experiment has them
@@ -107,39 +108,6 @@ def _scene_file(workspace: Workspace, experiment: str, case: Case) -> Path:
     return workspace.stress_scenes(experiment) / name
 
 
-class Levels(NamedTuple):
-    """The test windows of a run, and what readings were in its training part."""
-
-    test: np.ndarray  # (n,) row numbers
-    few: np.ndarray  # those that are changed
-    known: Mapping  # by the names of the tests' keywords
-    low: float  # readings are clipped to these
-    high: float
-    whole: bool  # readings are counts
-
-    def changed(self, x: np.ndarray, test: StressTest, severity: float, rng: np.random.Generator) -> np.ndarray:
-        """Return windows x (n, frames, elements) after a test."""
-        changed = test.changed(x, severity, rng, self.known)
-        if severity == 0:
-            return changed
-        return np.clip(np.rint(changed) if self.whole else changed, self.low, self.high)
-
-
-def training_levels(settings: Mapping, data: Dataset, train: np.ndarray) -> dict:
-    """Return the fields of Levels that the training windows give; train: (n of data,) bool."""
-    readings, highest_count = data.x[train], settings["ingest"].get("highest_count")
-    if highest_count:
-        low, high = 0.0, float(highest_count)
-    else:
-        low, high = float(readings.min()), float(readings.max())
-    force_n = np.nansum(schemas.matrix(data.rows["force_n"]), axis=1)[train]
-    untouched = readings[force_n < settings["window"]["contact_threshold_n"]]
-    rest = np.median(untouched if len(untouched) else readings, axis=(0, 1))
-    sensor = {key: settings["sensor"][key] for key in ("rows", "cols")}
-    known = {"span": high - low, "rest": rest, "low": low} | sensor
-    return {"known": known, "low": low, "high": high, "whole": bool(highest_count)}
-
-
 class Changed(NamedTuple):
     """Windows to predict and score."""
 
@@ -150,91 +118,106 @@ class Changed(NamedTuple):
     settings: Mapping  # the experiment's block, by which labels are scored
 
 
-class Run(NamedTuple):
-    """One trained model and its scores without a change, by condition."""
-
-    trained: Trained
-    clean: dict[str, list[metrics.Row]]  # of all test windows
-    unchanged: dict[str, list[metrics.Row]]  # of the windows that are changed, and of the scene drawn anew
-
-
-class Windows:
-    """How models of windows are put under stress, see loop.py."""
+class Run(run.Run):
+    """A model of windows."""
 
     rounding = 1e-4  # relative: other processors sum in another order
 
-    def __init__(self, workspace: Workspace, values: Mapping, experiment: str):
-        self.workspace, self.values, self.experiment = workspace, values, experiment
-        self.settings, self.module = values[experiment], experiments.module(experiment)
-        self.data = read_dataset(workspace.dataset(experiment), self.settings["window"]["frames"])
+    def read(self) -> None:
+        """Read the windows, and what readings were in the training part."""
+        self.data = dataset(self.workspace.dataset(self.experiment), self.settings["window"]["frames"])
         self.condition = schemas.names(self.data.rows["condition"])
-        self.scenes: dict[Case, Dataset] = {}
+        part = self.data.part(self.protocol, self.seed)
+        self.levels = Levels.seen(self.settings, self.data, part == "train")
+        self.test = np.flatnonzero(part == "test")
+        self.few = self.test[_in_first_recordings(self.data.rows.take(self.test), self.asked.get("recordings", {}))]
 
-    def group(self, protocol: str) -> str:
-        """Return the protocol: each has its own test windows."""
-        return protocol
+    def spec(self):
+        """Return the shapes of the task."""
+        return tasks_windows.spec(self.settings)
 
-    def levels(self, protocol: str, seed: int) -> Levels:
-        """Return the test windows of a run, and what readings were in training."""
-        part = self.data.part(protocol, seed)
-        test = np.flatnonzero(part == "test")
-        recordings = self.values["stress"][self.experiment].get("recordings", {})
-        few = test[_in_first_recordings(self.data.rows.take(test), recordings)]
-        return Levels(test, few, **training_levels(self.settings, self.data, part == "train"))
+    def predict_clean(self) -> None:
+        """Score all test windows, and those that are changed."""
+        self.clean = dict(self.scores([self._windows(self.test)]))
+        self.of_few = self.clean | (
+            dict(self.scores([self._windows(self.few)])) if len(self.few) < len(self.test) else {}
+        )
 
-    def run(self, model: str, protocol: str, seed: int, levels: Levels) -> Run:
-        """Return a trained model and its scores of all test windows, and of those that are changed."""
-        spec = tasks_windows.spec(self.settings)
-        run = Run(tasks.load(self.workspace, self.values, self.experiment, model, protocol, seed, spec), {}, {})
-        run.clean.update(self.scores(run, [self._windows(levels.test)]))
-        fewer = len(levels.few) < len(levels.test)
-        run.unchanged.update(self.scores(run, [self._windows(levels.few)]) if fewer else run.clean)
-        return run
-
-    def unchanged(
-        self, run: Run, levels: Levels, test: StressTest, seed: int
-    ) -> Iterator[tuple[str, list[metrics.Row]]]:
+    def unchanged(self, test: StressTest) -> Iterator[tuple[str, list[metrics.Row]]]:
         """Yield (condition, scores) without the test, where there is something without it."""
         for condition in test.conditions if test.acts_on == SCENE else self.module.STRESSED:
-            if condition == ANEW and ANEW not in run.unchanged:
-                run.unchanged.update(self.scores(run, [self._scene(ANEW, touch_stress.UNCHANGED, 0, seed)]))
-            if condition in run.unchanged:
-                yield condition, run.unchanged[condition]
+            if condition == ANEW and ANEW not in self.of_few:
+                self.of_few |= dict(self.scores([self._scene(ANEW, touch_stress.UNCHANGED, 0)]))
+            if condition in self.of_few:
+                yield condition, self.of_few[condition]
 
-    def apply(self, levels: Levels, test: StressTest, severity: float, seed: int) -> list[Changed]:
+    def changed(self, test: StressTest, severity: float) -> list[Changed]:
         """Return the windows of a test at one severity."""
         if test.acts_on == SCENE:
-            return [self._scene(condition, test.name, severity, seed) for condition in test.conditions]
-        windows = self._windows(levels.few)
-        return [windows._replace(x=levels.changed(windows.x, test, severity, generator(seed, "stress", test.draw)))]
+            return [self._scene(condition, test.name, severity) for condition in test.conditions]
+        windows, rng = self._windows(self.few), generator(self.seed, "stress", test.draw)
+        return [windows._replace(x=self.levels.changed(windows.x, test, severity, rng))]
 
     def _windows(self, rows: np.ndarray) -> Changed:
         """Return windows of the dataset, unchanged."""
         return Changed(self.data.x[rows], rows, self.data, self.module.STRESSED, self.settings)
 
-    def _scene(self, condition: str, name: str, severity: float, seed: int) -> Changed:
+    def _scene(self, condition: str, name: str, severity: float) -> Changed:
         """Return the windows of a changed scene that `simulate_scenes` made."""
-        case = Case(condition, name, severity, seed % self.settings["simulate"]["specimens"])
-        if case not in self.scenes:
-            path = _scene_file(self.workspace, self.experiment, case)
-            self.scenes[case] = read_dataset(path, self.settings["window"]["frames"])
-        data, block = self.scenes[case], touch_stress.changed(self.settings, name, severity).settings
+        case = Case(condition, name, severity, self.seed % self.settings["simulate"]["specimens"])
+        data = dataset(_scene_file(self.workspace, self.experiment, case), self.settings["window"]["frames"])
+        block = touch_stress.changed(self.settings, name, severity).settings
         return Changed(data.x, np.arange(len(data.x)), data, (condition,), block)
 
-    def scores(self, run: Run, changed: list[Changed]) -> Iterator[tuple[str, list[metrics.Row]]]:
+    def scores(self, changed: list[Changed]) -> Iterator[tuple[str, list[metrics.Row]]]:
         """Yield the scores of REPORTED by condition; NaN for a failed run."""
         for windows in changed:
-            predicted = tasks_windows.predict(run.trained.model, windows.x, windows.data, windows.rows)
+            predicted = tasks_windows.predict(self.model, windows.x, windows.data, windows.rows)
             for tested in windows.conditions:
                 every = tested == "all" or windows.data is not self.data
                 chosen = every | (self.condition[windows.rows] == tested)
                 if chosen.any():
                     truth = windows.data.y[windows.rows[chosen]]
                     found = tasks_windows.score(self.module, truth, predicted[chosen], windows.settings)
-                    yield (
-                        tested,
-                        [row for row in metrics.unless_failed(found, run.trained.failed) if row[0] in REPORTED],
-                    )
+                    yield tested, [row for row in metrics.unless_failed(found, self.failed) if row[0] in REPORTED]
+
+
+def dataset(path: Path, frames: int) -> Dataset:
+    """Read a dataset, once for all runs of a process."""
+    return _read(path, frames, path.stat().st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=64)
+def _read(path: Path, frames: int, written_ns: int) -> Dataset:
+    return read_dataset(path, frames)
+
+
+class Levels(NamedTuple):
+    """What readings were in the training part of a run."""
+
+    known: Mapping  # by the names of the tests' keywords
+    low: float  # readings are clipped to these
+    high: float
+    whole: bool  # readings are counts
+
+    @classmethod
+    def seen(cls, settings: Mapping, data: Dataset, train: np.ndarray) -> "Levels":
+        """Return the levels of the training windows; train: (n of data,) bool."""
+        readings, highest_count = data.x[train], settings["ingest"].get("highest_count")
+        if highest_count:
+            low, high = 0.0, float(highest_count)
+        else:
+            low, high = float(readings.min()), float(readings.max())
+        force_n = np.nansum(schemas.matrix(data.rows["force_n"]), axis=1)[train]
+        untouched = readings[force_n < settings["window"]["contact_threshold_n"]]
+        rest = np.median(untouched if len(untouched) else readings, axis=(0, 1))
+        sensor = {key: settings["sensor"][key] for key in ("rows", "cols")}
+        return cls({"span": high - low, "rest": rest, "low": low} | sensor, low, high, bool(highest_count))
+
+    def changed(self, x: np.ndarray, test: StressTest, severity: float, rng: np.random.Generator) -> np.ndarray:
+        """Return windows x (n, frames, elements) after a test of readings."""
+        changed = test.changed(x, severity, rng, self.known)
+        return np.clip(np.rint(changed) if self.whole else changed, self.low, self.high) if severity else changed
 
 
 def _in_first_recordings(rows: pa.Table, recordings: Mapping[str, int]) -> np.ndarray:
