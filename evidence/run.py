@@ -1,4 +1,4 @@
-"""Compute the shards of a pack (`tactile pack`) on this machine, which needs no network, DVC or git.
+"""Compute the shards of a pack (`python -m tools.pack`) on this machine, which needs no network, DVC or git.
 
 OUT is laid out as evidence/, and every shard that its index.csv names is whole, however this ends. Data of different
 sets are made side by side; a shard begins as soon as its data are there. What has not ended after the minutes is

@@ -26,12 +26,13 @@ from pipeline.commands.command_line import COMMANDS
 
 VALUES = params.load(ROOT / "params.yaml")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-CODE = sorted((ROOT / "pipeline").rglob("*.py"))
+TOOLS = sorted((ROOT / "tools").glob("[a-z]*.py"))
+CODE = sorted((ROOT / "pipeline").rglob("*.py")) + TOOLS
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 DOCUMENTS += [*sorted((ROOT / "data").rglob("README.md")), *sorted((ROOT / "reports").rglob("*.md"))]
 # A command ends with its line, its quotes, a comment behind it, or where the next one starts.
 END = r"(?=[`\"\n#;,)]|\s\s|\.\s|\.$| && | again| says | first| with |$)"
-MODULE = re.compile(r"python -m (?P<name>pipeline\.[\w.{}<>]*[\w}>])(?P<arguments>.*?)" + END)
+MODULE = re.compile(r"python -m (?P<name>(?:pipeline|tools)\.[\w.{}<>]*[\w}>])(?P<arguments>.*?)" + END)
 # `tactile` is an adjective, too: as a command it stands in backticks, or in a document at the start of a line.
 TACTILE = re.compile(r"`tactile(?P<arguments> .*?)" + END)
 TACTILE_LINE = re.compile(r"^ *tactile(?P<arguments> .*?)" + END, re.MULTILINE)
@@ -45,6 +46,7 @@ STAGES = sorted(
     for path in (ROOT / "pipeline" / room).glob("*.py")
     if RUN in path.read_text()
 )
+BY_HAND = [f"tools.{path.stem}" for path in TOOLS if RUN in path.read_text()]
 
 
 def texts(path: Path) -> Iterator[tuple[str, bool]]:
@@ -92,6 +94,11 @@ def parser_of(name: str) -> argparse.ArgumentParser | None:
     path = ROOT.joinpath(*name.split(".")).with_suffix(".py")
     if not path.is_file() or RUN not in path.read_text():
         return None
+    if path in TOOLS:
+        tool = importlib.import_module(name)
+        parser = arguments.tool_parser(tool.__doc__, getattr(tool, "add_arguments", None))
+        loosen(parser)
+        return parser
     parses = re.search(r"arguments\.(parse|of_study)\(", path.read_text())
     assert parses, f"{path}: main calls neither arguments.parse nor of_study"
 
@@ -200,7 +207,7 @@ def test_every_command_of_dvc_yaml_can_be_given():
     assert not any(wrong.values()), wrong
 
 
-@pytest.mark.parametrize("call", [*STAGES, PEOPLE, *(f"{PEOPLE} {command}" for command in COMMANDS)])
+@pytest.mark.parametrize("call", [*STAGES, *BY_HAND, PEOPLE, *(f"{PEOPLE} {command}" for command in COMMANDS)])
 def test_every_stage_and_command_has_help(call, capsys):
     name, *command = call.split()
     with pytest.raises(SystemExit) as ended:
@@ -256,6 +263,17 @@ def test_an_unknown_command_is_one_sentence(monkeypatch, capsys, word, said):
     assert capsys.readouterr().err.startswith(f"error: there is no command '{word}'; {said}")
 
 
+@pytest.mark.parametrize("where", ["parser_of", "run_stage"])
+def test_ctrl_c_prints_nothing(monkeypatch, capsys, where):
+    def interrupted(*given):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command_line, where, interrupted)
+    with pytest.raises(SystemExit) as ended:
+        called(monkeypatch, capsys, "check", "data/own/none")
+    assert ended.value.code == 130 and not "".join(capsys.readouterr())
+
+
 @pytest.mark.parametrize("option", ["--json", "--quiet"])
 def test_a_program_reads_json_or_nothing(monkeypatch, capfd, option):
     def talks(workspace, given):
@@ -285,7 +303,7 @@ def test_a_program_reads_json_or_nothing(monkeypatch, capfd, option):
         "`python -m pipeline.stages.train tuch`",
         "`python -m pipeline.stages.train touch esn`",
         "`python -m pipeline.commands.fetch velostat_recorded`",
-        "tactile calibrate tuch && dvc repro",
+        "python -m tools.calibrate tuch && dvc repro",
         "run `dvc repro train@touch@lomp` again",
         "dvc repro render@touch && dvc repro rendr",
         "run `tactile fecth velostat_recorded`",

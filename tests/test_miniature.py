@@ -64,7 +64,7 @@ def test_numbers_of_the_miniature_are_the_pinned_ones(miniature):
 def test_every_setting_is_read_by_something(miniature):
     """Of experiments with recordings, which do not run here: tests/stages/test_recorded.py.
 
-    The yardstick of touch is a model that the miniature has not (tests/commands/test_calibrate.py).
+    The yardstick of touch is a model that the miniature has not (tests/tools/test_calibrate.py).
     """
     values = params.read(miniature.folder / "params.yaml")
     read = set((miniature.folder.parent / "settings.txt").read_text().split())

@@ -77,6 +77,23 @@ def run(main: Callable[[Workspace], None]) -> None:
         run_stage(lambda: main(workspace), workspace.params)
 
 
+def run_tool(description: str | None, main: Callable, add_arguments: Callable | None = None) -> None:
+    """Run the `main` of a tool as a command of `tactile`: with the workspace and the arguments given."""
+    given = tool_parser(description, add_arguments).parse_args()
+    run_stage(lambda: main(given.root, given), given.root.params)
+
+
+def tool_parser(description: str | None, add_arguments: Callable | None) -> argparse.ArgumentParser:
+    """Return the parser of a tool; description: the docstring of its module."""
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
+    )
+    add_root(parser)
+    if add_arguments:
+        add_arguments(parser)
+    return parser
+
+
 def parse(description: str | None, **positionals: Sequence[str | None] | None) -> argparse.Namespace:
     """Return the positional arguments of the module that runs; a wrong one ends it with a sentence (exit status 2).
 

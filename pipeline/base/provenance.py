@@ -18,8 +18,8 @@ UNKNOWN = "unknown (not a git checkout)"
 def git_state(workspace: Workspace, of: Sequence[str] = (".", ":!dvc.lock", ":!reports")) -> tuple[str, str]:
     """Return the commit of the working tree, and "true" if what `of` names differs from it, else "false".
 
-    `dvc.lock` and `reports/` do not count: the pipeline itself has just written them. Code that `tactile pack` packed
-    is of the commit that its pack.json names.
+    `dvc.lock` and `reports/` do not count: the pipeline itself has just written them. Code that tools/pack.py packed is
+    of the commit that its pack.json names.
     """
     try:
         top, commit = _git(workspace, "rev-parse", "--show-toplevel", "HEAD").split("\n")

@@ -9,6 +9,7 @@ import argparse
 import ast
 import importlib
 import os
+import signal
 import sys
 import textwrap
 from collections.abc import Collection
@@ -38,13 +39,8 @@ GROUPS = {  # heading of the help -> command -> its module
         "evidence": "evidence",
         "targets": "targets",
         "track": "track",
-        "pack": "pack",
-        "unpack": "unpack",
     },
-    "Maintain the scenes and models": {
-        "fit-material": "fit_material",
-        "fit-strain": "fit_strain",
-        "calibrate": "calibrate",
+    "Maintain the models": {
         "coverage": "coverage",
         "cards": "cards",
     },
@@ -126,9 +122,12 @@ def main() -> None:
         sys.exit(2)
     if arguments.QUIET & set(sys.argv[2:]):
         os.environ["TQDM_DISABLE"] = "1"  # read when tqdm is imported
-    given = parser_of([name]).parse_args(sys.argv[1:] or [name])
-    with arguments.silenced(given):
-        run_stage(lambda: given.main(given.root, given), given.root.params)
+    try:
+        given = parser_of([name]).parse_args(sys.argv[1:] or [name])
+        with arguments.silenced(given):
+            run_stage(lambda: given.main(given.root, given), given.root.params)
+    except KeyboardInterrupt:  # while modules are imported, which takes seconds
+        sys.exit(128 + signal.SIGINT)
 
 
 if __name__ == "__main__":

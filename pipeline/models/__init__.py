@@ -3,7 +3,7 @@
 What a model's file provides
 ----------------------------
 `class Settings(Block)` declares its settings, those of its block in params.yaml, as pydantic fields, each with its
-limits and a description (pipeline/settings; the class is read without running the rest of the file, and may use what
+limits and a description (pipeline/settings; the class is made without running the rest of the file, of what
 pipeline/settings/models.py names). `build(spec, *, <the same names>)` returns the model, not yet trained.
 
 * `spec` (pipeline.learning.regressors.Spec) gives the shapes of the task. Images are windows of one frame, and a series
@@ -13,7 +13,8 @@ pipeline/settings/models.py names). `build(spec, *, <the same names>)` returns t
 * `TRANSFER = True` stands in the file of a model of series that starts from model-0; `fit` of others gets no `base`.
 * A docstring's line that starts with "Differs from paper" and a colon is printed in the reports, up to an empty line.
 * Classes that scikit-learn fits (`rbf.GaussianFeatures` ...) are stored by module path: moving or renaming one makes
-  saved models unreadable. Such paths, and types that skops does not know, are listed in SklearnRegressor's `trusted`.
+  saved models unreadable. Such paths, types that skops does not know, and classes of scikit-learn that no other model
+  is made of, are listed in SklearnRegressor's `trusted`.
 
 What every model provides
 -------------------------

@@ -29,7 +29,7 @@ over the reference resistor's, times 1000, which is ohm if that resistor had 1 k
    the largest x that leaks with time constant T adds c (P - x) to r: P <- max(x, exp(-dt / T) P).
    A second, slower memory for a drift of the rest value over minutes was tried; it did not improve the fit.
 
-Numbers come from `velostat.json`, written by `tactile fit-material`.
+Numbers come from `velostat.json`, written by tools/fit_material.py.
 """
 
 import json

@@ -3,9 +3,7 @@
 Every key has its type, limits and meaning. `touch.sensor.pitch_mm` is the field `pitch_mm` of the class `Sensor`
 in touch.py: a file for each block at the top, a class for each block inside. A model's settings stand in its own file
 in pipeline/models (models.py says how), the recipes of networks in training.py, and what several blocks share in
-shared.py. Editors complete and explain keys by params.schema.json, which is made of these classes:
-
-    python -c "from pipeline.settings import schema; print(schema())" > params.schema.json
+shared.py. Editors complete and explain keys by params.schema.json, which `python -m tools.schema` writes.
 """
 
 import json

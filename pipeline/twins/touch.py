@@ -1,7 +1,7 @@
 """Compare the touch scene's taxel with the recorded one, by statistics that need no model of either.
 
 The twin of a recording is one element of the simulated array under the force of that recording, pressed at 16 places on
-the raster of the recording (pipeline/commands/fit_material.py), all other elements being at rest: field of places,
+the raster of the recording (tools/fit_material.py), all other elements being at rest: field of places,
 film, column circuit, noise and converter are the scene's own. Repetitions of a recording press the same element,
 different recordings different ones.
 

@@ -33,6 +33,9 @@ def test_training_on_a_cluster_changes_no_bit(monkeypatch, tmp_path):
             InputError, match=r"^train it, press [01], on worker tcp://\S+ .* its process ended with status -9"
         ):
             results(monkeypatch, local.scheduler_address, tasks.killed)
+        with tqdm(total=1, desc="train it") as bar:
+            done = dict(workers.run(tasks.lost_once, {"press": (tmp_path,)}, bar))
+        assert (tmp_path / "first").exists() and done["press"] > 0, "another worker did what the killed one had begun"
         other = cluster.versions() | {"torch": "1.0"}
         monkeypatch.setattr(cluster, "versions", lambda: other)
         with pytest.raises(InputError, match=r"^worker tcp://\S+ .* has torch \S+, not 1.0: results would differ"):

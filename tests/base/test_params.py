@@ -3,6 +3,7 @@
 import argparse
 import ast
 import copy
+import json
 import os
 import re
 import shutil
@@ -17,9 +18,11 @@ from builders.project import ROOT
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
+from pipeline.base.paths import Workspace
 from pipeline.commands import check
-from pipeline.settings import Params, schema
+from pipeline.settings import Params
 from pipeline.settings import models as settings_of_models
+from tools import schema
 
 WHOLE = params.load(ROOT / "params.yaml")
 NETWORK = WHOLE["touch"]["models"]["cnn"]
@@ -149,9 +152,23 @@ def test_settings_of_a_model_are_read_without_its_other_imports(tmp_path):
         '"""Build the nearest neighbours.\n\nMore."""\nfrom pydantic import Field\nimport no_such_package\n'
         "from pipeline.settings.shared import Block, Count\n"
         'class Settings(Block):\n    k: Count = Field(description="Neighbours")\n'
+        '    width: float = Field(ge=1 / 64, le=2**3, description="Share of them")\n'
     )
     settings, meaning = settings_of_models.declared(path)
-    assert settings(k=3).k == 3 and meaning == "Build the nearest neighbours."
+    assert settings(k=3, width=1 / 64).k == 3 and meaning == "Build the nearest neighbours."
+    with pytest.raises(ValueError, match="greater than or equal to 0.015625"):
+        settings(k=3, width=1 / 65)
+
+
+@pytest.mark.parametrize("wrong", ["k: Nearest", "k: int = no_such_package.K", "k: int = Field(ge=1 / 0)"])
+def test_settings_of_a_model_that_python_cannot_make_are_one_sentence(tmp_path, wrong):
+    path = tmp_path / "nearest.py"
+    path.write_text(
+        "from pydantic import Field\nimport no_such_package\nfrom pipeline.settings.shared import Block\n"
+        f"class Settings(Block):\n    {wrong}\n"
+    )
+    with pytest.raises(TypeError, match=r"^pipeline/models/nearest.py: its class Settings cannot be made \("):
+        settings_of_models.declared(path)
 
 
 def undescribed(whole: dict) -> list[str]:
@@ -203,10 +220,13 @@ def test_every_key_of_params_yaml_is_in_the_schema():
     }
 
 
-def test_the_schema_for_editors_is_up_to_date():
-    assert (ROOT / "params.yaml").read_text().startswith("# yaml-language-server: $schema=params.schema.json\n")
-    made_anew = 'python -c "from pipeline.settings import schema; print(schema())" > params.schema.json'
-    assert (ROOT / "params.schema.json").read_text() == f"{schema()}\n", f"run {made_anew}"
+def test_editors_find_the_schema_where_it_is_written(tmp_path):
+    schema.main(Workspace(tmp_path), None)
+    assert "params.schema.json" in (ROOT / ".gitignore").read_text().split()
+    assert json.loads((tmp_path / "params.schema.json").read_text())["properties"]["touch"]
+    for path in (ROOT / "params.yaml", *(ROOT / "params").glob("*.yaml")):
+        named = path.read_text().partition("\n")[0].removeprefix("# yaml-language-server: $schema=")
+        assert (path.parent / named).resolve() == ROOT / "params.schema.json"
 
 
 @pytest.mark.parametrize(

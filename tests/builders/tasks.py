@@ -21,6 +21,16 @@ def killed(seed: int, report: Any) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def lost_once(folder: Path, report: Any) -> int:
+    """Kill the worker that this process computes for, where no process was before; then return the process."""
+    first = folder / "first"
+    if not first.exists():
+        first.touch()
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(60)
+    return os.getpid()
+
+
 def trained(seed: int, report: Any) -> str:
     """Train a small LSTM on noise for two epochs; return the digest of its weights."""
     import torch

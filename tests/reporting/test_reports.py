@@ -21,7 +21,7 @@ from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.datasets import images, schemas
-from pipeline.reporting import material, own_sensor
+from pipeline.reporting import own_sensor
 from pipeline.reporting.claims import short_row
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import model_name
@@ -381,17 +381,6 @@ def test_velostat_without_recordings_says_why(workspace, monkeypatch):
     target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch)
     assert "tactile fetch velostat_recorded" in (target / "accuracy" / "README.md").read_text()
     assert not list(target.rglob("*.csv")) and not list(target.rglob("*.png"))
-
-
-def test_the_fit_of_the_film_is_rounded_from_its_file():
-    result = json.loads((ROOT / "pipeline" / "scenes" / "velostat.json").read_text(encoding="utf-8"))
-    text = material.table(result)
-    rows = {cells(line)[0]: cells(line)[1:] for line in text.splitlines() if line.startswith("| ")}
-    name = result["fit"]["fitted_on"][0]
-    fitted = result["fit"]["recordings"][name]
-    assert rows[f"{name}*"] == [f"{value:.4f}" for value in (*fitted["force"], *fitted["places"])]
-    assert rows["exponent"] == [f"{result['parameters']['exponent']:.4g}"]
-    assert set(result["ablation"]) <= set(rows) and not re.search(NEVER, text)
 
 
 @pytest.mark.slow

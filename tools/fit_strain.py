@@ -18,14 +18,14 @@ from typing import NamedTuple
 import pandas as pd
 from tqdm import tqdm
 
-from pipeline.base import params
+from pipeline.base import arguments, params
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.commands.calibrate import changes_of
 from pipeline.reporting.words import markdown
 from pipeline.stability import changed_scene
 from pipeline.twins import strain as twins
+from tools.calibrate import changes_of
 
 FACTORS = (0.7, 1.4)  # times the present value, which is tried, too
 SET_BY = {  # key below strain.simulate -> one of twins.STATISTICS
@@ -134,3 +134,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         f"{len(told)} of {len(results)} settings are told by their statistic; for {kept} of these the present "
         f"value is the nearest. Simulated: median over {specimens} specimen{'s' * (specimens > 1)}."
     )
+
+
+if __name__ == "__main__":
+    arguments.run_tool(__doc__, main, add_arguments)

@@ -15,7 +15,7 @@ from operator import getitem
 from tqdm import tqdm
 
 from pipeline import experiments
-from pipeline.base import params, workers
+from pipeline.base import arguments, params, workers
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.scoring import classification, shards
@@ -114,3 +114,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         means[value] = sum(a / b for a, b in (errors[value, seed] for seed in given.seeds)) / len(given.seeds)
     nearest = min(means, key=lambda value: abs(means[value] - chosen["published"]))
     print(f"nearest: {chosen['knob']} = {nearest:g}, ratio {means[nearest]:.3f}; {file} has {present:g}")
+
+
+if __name__ == "__main__":
+    arguments.run_tool(__doc__, main, add_arguments)

@@ -15,8 +15,8 @@ from builders.project import ROOT
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
-from pipeline.commands import unpack
 from pipeline.scoring import shards
+from tools import unpack
 
 SHARD, STUDY, OTHER = "strain-0-half", "ablation_touch-0-full", "ablation_touch-1-full"
 RESULT, CURVES = f"results/{SHARD}.csv", f"curves/{SHARD}.csv"

@@ -1,8 +1,8 @@
 """Pack shards of the evidence for a machine without network, DVC or git, such as one with a card that is borrowed.
 
 The archive holds the code and settings of this commit, the packages that the machine may lack, and run.py, which
-computes the shards there; `tactile unpack` takes what it computed. Data do not travel: the machine simulates them, so
-that shards of recordings stay here.
+computes the shards there; `python -m tools.unpack` takes what it computed. Data do not travel: the machine simulates
+them, so that shards of recordings stay here.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pipeline import experiments, scenes
-from pipeline.base import files, params, paths, provenance
+from pipeline.base import arguments, files, params, paths, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import evidence
@@ -131,3 +131,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     whole = sum(each["minutes"] for each in packed["shards"])
     size = given.archive.stat().st_size / 1e6
     print(f"{given.archive}: {len(todo)} shards, on two cores about {whole:.0f} minutes; {size:.1f} MB")
+
+
+if __name__ == "__main__":
+    arguments.run_tool(__doc__, main, add_arguments)

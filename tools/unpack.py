@@ -22,14 +22,15 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.base import files, foreign, params
+from pipeline.base import arguments, files, foreign, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.commands import evidence, pack
+from pipeline.commands import evidence
 from pipeline.scoring import shards
 from pipeline.scoring.claim_inputs import COLUMNS, DATA
 from pipeline.scoring.shards import Shard
 from pipeline.settings.shards import ShardSet
+from tools import pack
 
 CURVES = ["model", "protocol", "seed", "epoch", "train_loss", "validation_loss"]
 LARGEST = 16 << 20  # bytes of a table; the largest of the evidence has 0.3 MB
@@ -301,3 +302,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         for shard, line in new:  # last: a shard that is not in the index is taken again
             shards.upsert(index, shards.INDEX, shard.name, [line])
     print(f"{len(new)} shards taken; {len(found) - len(new)} were there")
+
+
+if __name__ == "__main__":
+    arguments.run_tool(__doc__, main, add_arguments)

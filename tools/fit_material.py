@@ -32,13 +32,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
+from pipeline.base import arguments
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.experiments import velostat_recorded
 from pipeline.logs import parse, sources
-from pipeline.reporting import material as report
-from pipeline.reporting.figures import material as figures
+from pipeline.reporting.words import templates
 from pipeline.scenes.material import FITTED, RASTER, STEP_MM, Material, log_resistance
+from tools import material_figures as figures
 
 SOURCE = "velostat_recorded"
 FITTED_ON = ("pike1_force_5", "pike1_force_10", "pike1_force_20", "pike1_force_40")
@@ -287,6 +288,16 @@ def above_after_release(recordings: list[Recording], reading: float, within_s: f
     return float(after / total)
 
 
+def table(result: Mapping) -> str:
+    """Return the report `fit.md`; result: the content of `velostat.json`, which the report rounds."""
+    places = {key: np.reshape(result["places"][key], (4, 4)).tolist() for key in ("log_gain", "exponent")}
+    ablation = {
+        name: [summary(scores[key]) for key in ("exp1", "exp2") for summary in (min, np.mean)]
+        for name, scores in result["ablation"].items()
+    }
+    return templates.render("material", result=result, fitted=result["fit"], grid=places, ablation=ablation)
+
+
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Fit, score, and write `velostat.json` and `reports/material/`."""
     if not sources.is_complete(workspace, SOURCE):
@@ -376,8 +387,12 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     FITTED.write_text(json.dumps(result, indent=1) + "\n")
     reports = workspace.reports / "material"
     reports.mkdir(parents=True, exist_ok=True)
-    (reports / "fit.md").write_text(report.table(result))
+    (reports / "fit.md").write_text(table(result))
     courses = [course(best, recording) for recording in exp2]
     figures.draw_loops(reports / "fit.png", courses)
     figures.draw_courses(reports / "courses.png", courses, DT_S)
     say(f"wrote {FITTED.name} and {reports.relative_to(workspace.root)}/")
+
+
+if __name__ == "__main__":
+    arguments.run_tool(__doc__, main)

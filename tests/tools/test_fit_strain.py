@@ -11,8 +11,8 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.commands import fit_strain
 from pipeline.twins import strain as twins
+from tools import fit_strain
 
 
 @pytest.fixture

@@ -8,10 +8,10 @@ from builders.project import miniature_settings
 
 from pipeline.base import params, workers
 from pipeline.base.errors import InputError
-from pipeline.commands import calibrate
 from pipeline.datasets import series
 from pipeline.scoring import published
 from pipeline.stability import changed_scene
+from tools import calibrate
 
 
 @pytest.fixture
