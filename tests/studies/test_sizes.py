@@ -7,11 +7,11 @@ import torch
 from builders.made_reports import studied
 
 from pipeline.base.errors import InputError
+from pipeline.claims import sizes as sizes_verdicts
+from pipeline.claims.sizes import Reference
 from pipeline.models import sp_resnet
 from pipeline.reporting import tables
 from pipeline.reporting.figures import sizes as sizes_figures
-from pipeline.reporting.verdicts import sizes as sizes_verdicts
-from pipeline.reporting.verdicts.sizes import Reference
 from pipeline.scoring import ladders, shards
 from pipeline.scoring.claim_inputs import FULL, KEY
 from pipeline.scoring.one_table import Results

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.paths import Workspace
-from pipeline.reporting.words.labels import model_name
+from pipeline.claims.equivalence import lies_within
 from pipeline.scoring import complete, ladders, studies
 from pipeline.scoring.one_table import Results
 from pipeline.scoring.results import Estimate, estimate, scale_of
@@ -42,22 +42,17 @@ SCALES = {
 }
 
 
-def label(family: str) -> str:
-    """Return the name of a family's model."""
-    return model_name(ladders.FAMILIES[family].model)
-
-
 def read(workspace: Workspace, experiment: str, wanted: Mapping[str, Sequence]) -> pd.DataFrame:
     """Read the runs of an experiment's ladders; wanted: family -> sizes of the settings. No row: none was computed.
 
     Raises InputError for a missing column, and for a run of a computed seed that is missing or there twice.
     """
     table = ladders.read(workspace, experiment)
-    places = [dict.fromkeys(table[name]) for name in ("condition", "seed")]
+    computed = [dict.fromkeys(table[name]) for name in ("condition", "seed")]
     runs = (
         (family, condition, size, seed)
         for family, sizes in wanted.items()
-        for condition, seed, size in itertools.product(*places, sizes)
+        for condition, seed, size in itertools.product(*computed, sizes)
     )
     where = workspace.root / "evidence" / "studies" / experiment
     complete.check(table, where, ["family", "condition", "size", "seed"], runs, studies.MADE_BY)
@@ -93,9 +88,8 @@ def verdict(excess: Estimate | None) -> str:
         return FAILED
     if excess.mean == 0:
         return BEST
-    if np.isnan(excess.low):
-        return UNCLEAR
-    return ENOUGH if excess.high <= MARGIN else TOO_SMALL if excess.low > MARGIN else UNCLEAR
+    found = lies_within(excess.low, excess.high, -np.inf, MARGIN)
+    return {True: ENOUGH, False: TOO_SMALL, None: UNCLEAR}[found]
 
 
 def judge(runs: pd.DataFrame) -> pd.DataFrame:
@@ -107,11 +101,11 @@ def judge(runs: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (*ladder, metric), own in runs.sort_values("seed").groupby([*LADDER, "metric"], sort=False):
         sizes = dict(list(own.groupby("size")))
-        excess = excesses({size: error_of(part["value"].to_numpy(), metric) for size, part in sizes.items()})
+        excess = excesses({size: error_of(one["value"].to_numpy(), metric) for size, one in sizes.items()})
         verdicts = {size: verdict(excess.get(size)) for size in sizes}
         enough = min((size for size, word in verdicts.items() if word in (BEST, ENOUGH)), default=None)
-        for size, part in sizes.items():
-            first, mean = part.iloc[0], estimate(part["value"], scale_of(metric))
+        for size, one in sizes.items():
+            first, mean = one.iloc[0], estimate(one["value"], scale_of(metric))
             over = excess[size][:3] if size in excess else (np.nan,) * 3
             rows.append((*ladder, size, first["params"], metric, first["unit"], *mean[:3], int(size == enough)))
             rows[-1] += (mean.runs, mean.failed, first["macs"], *over, verdicts[size])
@@ -134,9 +128,9 @@ def references(table: Results, runs: pd.DataFrame) -> dict[tuple[str, str], Refe
     by_ladder = {}
     for (*ladder, metric), own in runs.groupby([*LADDER, "metric"], sort=False):
         experiment, condition, family = ladder
-        place = experiment, ladders.protocol(experiment, condition), condition
+        tested_on = experiment, ladders.protocol(experiment, condition), condition
         compared = ("constant", ladders.FAMILIES[family].model if family in SHORTER else "")
-        values = (table.runs(*place, model, metric) for model in compared)
+        values = (table.runs(*tested_on, model, metric) for model in compared)
         means = (estimate(one[one.index.isin(own["seed"])], scale_of(metric)).mean for one in values)
         by_ladder[family, condition] = Reference(*(error_of(mean, metric) for mean in means))
     return by_ladder
