@@ -64,6 +64,7 @@ CHOSEN = {
     "scoring/results.py": ("estimate", "scoring/test_results.py"),
     "claims/sizes.py": ("verdict judge excesses", f"{PAIRING} studies/test_sizes.py"),
     "claims/physics.py": ("_change", PAIRING),
+    "claims/equivalence.py": ("inside lies_within", VERDICTS),
     "scoring/conformal.py": ("quantile half_width class_threshold class_sets", "scoring/test_conformal.py"),
     "targets/validate.py": ("tests parts", "targets/test_grouped.py"),
     "models/rnn.py": ("forward", "general/test_time_order.py"),

@@ -1,4 +1,4 @@
-"""What is easy to add: a claim in five lines, a model in two files, a study in one entry, a stress test in one function.
+"""What is easy to add: a claim of five lines, a model of two files, a study of an entry, a stress test of a function.
 
 Each is in the report.
 """

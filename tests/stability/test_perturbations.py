@@ -6,9 +6,8 @@ import pytest
 from pipeline.base import stress_tests
 from pipeline.base.errors import InputError
 from pipeline.datasets.seeding import generator
-from pipeline.scenes import glove_stress, strain_stress, touch_stress  # noqa: F401 - their tests register
 from pipeline.settings import stress
-from pipeline.stability import perturbations, series  # noqa: F401
+from pipeline.stability import loop, perturbations
 
 ELEMENTS, FRAMES = 6, 8
 SETTINGS = {
@@ -150,3 +149,9 @@ def test_settings_know_what_the_code_registers_and_code_that_cannot_be_read_is_n
         file.write_text(f"@stress_test({arguments})\ndef hole():\n    pass\n")
         with pytest.raises(TypeError, match=r"pipeline/stability/own.py, hole: give @stress_test a unit"):
             list(stress.declared(file))
+
+
+def test_rows_of_a_scene_stand_by_condition_those_of_severity_0_first():
+    scored = [(severity, condition, []) for severity in (0, -2, 2) for condition in ("double", "anew")]
+    wanted = [(0, "double"), (0, "anew"), (-2, "double"), (2, "double"), (-2, "anew"), (2, "anew")]
+    assert [row[:2] for row in loop.by_condition(scored)] == wanted
