@@ -39,11 +39,10 @@ ARROWS = {
     "models": {"learning"},
     "learning": {"datasets"},
     "reporting/page": {"reporting"},
-    "reporting": {"claims", "reporting/verdicts", "reporting/figures", "experiments", "targets"},
+    "reporting": {"claims", "reporting/figures", "experiments", "targets"},
     "targets": {"learning", "sheet", "scoring"},
-    "reporting/figures": {"reporting/verdicts", "scenes", "logs"},
-    "reporting/verdicts": {"reporting/words"},
-    "claims": {"scoring"},  # the only place that judges the papers' claims
+    "reporting/figures": {"claims", "reporting/words", "scenes", "logs"},
+    "claims": {"scoring"},  # the only place that judges: claims, effects of scenes, sizes, stability
     "reporting/words": {"scoring"},  # the names of models, Markdown
     "scoring": {"experiments"},
     "scenes": {"datasets"},

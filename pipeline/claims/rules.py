@@ -1,4 +1,4 @@
-"""Judge: one rule for each kind of claim. Nothing else in this project says whether a claim is reproduced.
+"""Judge: one rule for each kind of claim. Nothing else says whether a claim is reproduced.
 
 A rule asks where the 95 % interval of one value per seed lies. A sentence is `reproduced` where all of the interval is
 where the sentence says it is, `contradicted` where all of it is elsewhere, and `undecided` where it is on both sides. A
@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from pipeline.claims.equivalence import inside, lies_within
 from pipeline.scoring import results
 from pipeline.scoring.units import DRAW
 
@@ -154,12 +155,8 @@ def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str
     mean = interval(runs / whole, scale)
     mean = mean._replace(mean=whole * mean.mean, low=whole * mean.low, high=whole * mean.high)
     band = BAND * abs(published - best)
-    verdict = UNDECIDED
-    if mean.low > published + band or mean.high < published - band:
-        verdict = OFF
-    for word, width in ((NEAR, 2 * band), (MATCHES, band)):
-        if published - width <= mean.low and mean.high <= published + width:
-            verdict = word
+    close, fair = (lies_within(mean.low, mean.high, published - width, published + width) for width in (band, 2 * band))
+    verdict = MATCHES if close else NEAR if fair else OFF if close is False else UNDECIDED
     better = mean.low > published + band if best > published else mean.high < published - band
     if unfinished and (verdict != OFF or not better):
         verdict = UNDECIDED
@@ -169,14 +166,9 @@ def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str
     power = np.nan
     if not unfinished:  # a bound cannot match
         least, most = (published - 2 * band) / whole, (published + 2 * band) / whole
-        known = {"": runs / whole}, {"": published / whole}
-        power = _power(*known, lambda low, high: _inside(low, high, least, most), scale)
+        ratios = {"": runs / whole}, {"": published / whole}
+        power = _power(*ratios, lambda low, high: inside(low, high, least, most).all(axis=-1), scale)
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
-
-
-def _inside(low: np.ndarray, high: np.ndarray, least: float, most: float) -> np.ndarray:
-    """Tell which intervals, (draws, names), are all between two bounds."""
-    return ((low >= least) & (high <= most)).all(axis=-1)
 
 
 def about(values: Values, printed: Printed) -> Judgement:
@@ -188,13 +180,9 @@ def about(values: Values, printed: Printed) -> Judgement:
 
 def within(values: Values, printed: Printed, *, around: float, margin: float) -> Judgement:
     """Judge that nothing differs: all of the interval is within the margin of `around`."""
-    mean = interval(only(values))
-    low, high, verdict = around - margin, around + margin, UNDECIDED
-    if low <= mean.low and mean.high <= high:
-        verdict = REPRODUCED
-    elif mean.low > high or mean.high < low:
-        verdict = CONTRADICTED
-    power = _power(values, printed, lambda least, most: _inside(least, most, low, high))
+    mean, bounds = interval(only(values)), (around - margin, around + margin)
+    verdict = {True: REPRODUCED, False: CONTRADICTED, None: UNDECIDED}[lies_within(mean.low, mean.high, *bounds)]
+    power = _power(values, printed, lambda low, high: inside(low, high, *bounds).all(axis=-1))
     return Judgement(mean.mean, mean.low, mean.high, verdict, f"margin {margin:g} around {around:g}", mean.runs, power)
 
 

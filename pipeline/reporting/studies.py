@@ -16,20 +16,21 @@ from pipeline import experiments
 from pipeline.base import files
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
+from pipeline.claims import physics as physics_verdicts
+from pipeline.claims import sizes as sizes_verdicts
+from pipeline.claims import stability as stability_verdicts
 from pipeline.experiments import facts
 from pipeline.reporting import tables
 from pipeline.reporting.figures import physics as physics_figures
 from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.figures import stability as stability_figures
 from pipeline.reporting.figures import twins as twins_figures
-from pipeline.reporting.verdicts import physics as physics_verdicts
-from pipeline.reporting.verdicts import sizes as sizes_verdicts
-from pipeline.reporting.verdicts import stability as stability_verdicts
 from pipeline.reporting.words.labels import (
     MEASURES,
     capitalised,
     condition_name,
     experiment_name,
+    model_name,
     perturbation,
     task_name,
 )
@@ -107,7 +108,7 @@ def stability_file(experiment: str, protocol: str, condition: str) -> str:
 
 
 def rightsize(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFrame:
-    """Judge the ladders of all experiments; the table is verdicts.sizes.JUDGED."""
+    """Judge the ladders of all experiments; the table is claims.sizes.JUDGED."""
     parts, together = [], [pd.DataFrame(columns=sizes_verdicts.JUDGED)]
     evidence = one_table.Results(shards.read(workspace))
     for experiment in dict.fromkeys(family.experiment for family in FAMILIES.values()):
@@ -116,11 +117,11 @@ def rightsize(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFra
             parts.append({"experiment": experiment, "missing": True})
             continue
         judged = sizes_verdicts.judge(runs)
-        known = sizes_verdicts.references(evidence, runs)
-        sizes_figures.curves(folder / f"{experiment}.png", experiment_name(experiment), judged, known)
+        references = sizes_verdicts.references(evidence, runs)
+        sizes_figures.curves(folder / f"{experiment}.png", experiment_name(experiment), judged, references)
         for family, rows in judged.groupby("family", sort=False):
-            part = {"experiment": experiment, "title": sizes_title(family), "table": tables.rightsize(rows)}
-            parts.append(part | {"trained": trained(family, known), "missing": False})
+            told = {"experiment": experiment, "title": sizes_title(family), "table": tables.rightsize(rows)}
+            parts.append(told | {"trained": trained(family, references), "missing": False})
         together.append(judged)
     files.write_text(folder / "README.md", render("rightsize", parts=parts))
     return _joined(together).assign(size=lambda table: table["size"].map("{:g}".format))
@@ -133,12 +134,14 @@ def _joined(tables: list[pd.DataFrame]) -> pd.DataFrame:
 
 def sizes_title(family: str) -> str:
     """Return the heading of a family's ladder."""
-    return f"{sizes_verdicts.label(family)}: {sizes_verdicts.SCALES[family].size_name}"
+    return f"{model_name(FAMILIES[family].model)}: {sizes_verdicts.SCALES[family].size_name}"
 
 
-def trained(family: str, known: dict[tuple[str, str], sizes_verdicts.Reference]) -> str:
+def trained(family: str, references: dict[tuple[str, str], sizes_verdicts.Reference]) -> str:
     """Return the errors of the fully trained model beside a ladder of shorter trainings; nothing for other ladders."""
-    errors = [(at, one.trained) for (name, at), one in known.items() if name == family and np.isfinite(one.trained)]
+    errors = [
+        (at, one.trained) for (name, at), one in references.items() if name == family and np.isfinite(one.trained)
+    ]
     return "; ".join(f"{task_name(at)} {number(error, 3 if error < 1 else 2)}" for at, error in errors)
 
 

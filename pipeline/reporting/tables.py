@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from pipeline.claims import stability as stability_verdicts
+from pipeline.claims.sizes import NAMES, SCALES, error_of, unit_of
+from pipeline.claims.stability import FAILED, HOLDS, WORSE
 from pipeline.experiments import facts
-from pipeline.reporting.verdicts import stability as stability_verdicts
-from pipeline.reporting.verdicts.sizes import NAMES, SCALES, error_of, unit_of
-from pipeline.reporting.verdicts.stability import FAILED, HOLDS, WORSE
 from pipeline.reporting.words.labels import capitalised, effect_name, model_name, perturbation, plain, task_name
 from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.results import Estimate

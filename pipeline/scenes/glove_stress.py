@@ -4,42 +4,61 @@ Sessions, holds and noise are the same as in the simulated logs, so that nothing
 """
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.base.errors import InputError
+from pipeline.base.stress_tests import of_scene, stress_test
 from pipeline.datasets import specimens
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import glove
 
-CHANGES = ("specimen", "shift", "turn", "grip")
+
+class Held(NamedTuple):
+    """How an object is held, and the settings of the scene that the glove's films have."""
+
+    hold: glove.Hold
+    film: dict
+
+
+@stress_test("glove", unit="other sensor, number", acts_on="scene")
+def specimen(held: Held, severity: float) -> Held:
+    """Take a glove of the same make that no seed trains on, spread even where training's is not."""
+    film = held.film
+    effects = film["effects"] | ({"element_spread": True} if severity else {})
+    unknown = film["specimen"] + film["specimens"] * round(severity)
+    return held._replace(film=film | {"specimen": unknown, "effects": effects})
+
+
+@stress_test("glove", unit="mm", acts_on="scene")
+def shift(held: Held, severity: float) -> Held:
+    """Lay the object `severity` mm nearer to the fingers than the hand wants it to lie."""
+    return held._replace(hold=held.hold._replace(along=held.hold.along + severity))
+
+
+@stress_test("glove", unit="degrees", acts_on="scene")
+def turn(held: Held, severity: float) -> Held:
+    """Turn the object's axis on the palm by `severity` degrees more."""
+    return held._replace(hold=held.hold._replace(tilt=held.hold.tilt + np.radians(severity)))
+
+
+@stress_test("glove", unit="factor, as a power of 2", acts_on="scene")
+def grip(held: Held, severity: float) -> Held:
+    """Multiply the margin of the grip over the slip force by 2^severity."""
+    return held._replace(hold=held.hold._replace(margin=held.hold.margin * 2.0**severity))
 
 
 def session(settings: Mapping, name: str, recording: str, change: str, severity: float) -> np.ndarray:
     """Return the counts of all frames of one session with object `name`, (frames, 270 + 135), as the scanner prints.
 
-    settings: the block `glove` of params.yaml. Severity 0 is the log itself before its line faults. By change:
-
-    * specimen: a glove of the same make that no seed trains on, spread even where training's is not.
-    * shift: the object lies `severity` mm nearer to the fingers than the hand wants it to.
-    * turn: the object's axis lies `severity` degrees further turned on the palm.
-    * grip: the margin of the grip over the slip force, times 2^severity.
+    settings: the block `glove` of params.yaml; change: the name of a test. Severity 0 is the log itself before its line
+    faults.
     """
     every, number = glove.scene_of(settings), specimens.number(recording)
     scene = specimens.drawn(every, number)
     names = (scene["seed"], name, recording)
-    thing, film = glove.OBJECTS[name], scene
+    thing = glove.OBJECTS[name]
     hold = glove.held(glove.frames_per_session(scene), scene, generator(*names, "hold"), thing)
-    if change == "specimen":
-        effects = scene["effects"] | ({"element_spread": True} if severity else {})
-        film = scene | {"specimen": scene["specimen"] + every["specimens"] * round(severity), "effects": effects}
-    elif change == "shift":
-        hold = hold._replace(along=hold.along + severity)
-    elif change == "turn":
-        hold = hold._replace(tilt=hold.tilt + np.radians(severity))
-    elif change == "grip":
-        hold = hold._replace(margin=hold.margin * 2.0**severity)
-    else:
-        raise InputError(f"glove scene: no change '{change}'; there are {', '.join(CHANGES)}")
+    hold, film = of_scene("glove", change)(Held(hold, scene), severity)
     siemens = glove.conductances(thing, hold, film)
     return glove.scanned(siemens, scene, generator(*names, "noise"))

@@ -7,37 +7,44 @@ DAQ and robot agree.
 
 from collections.abc import Mapping
 
-from pipeline.base.errors import InputError
+from pipeline.base.stress_tests import of_scene, stress_test
 from pipeline.scenes import strain
 from pipeline.scenes.faults import Fault
 
-CHANGES = ("rate", "speed", "specimen")
 SPEEDS = ("slide_slowest_mm_s", "slide_fastest_mm_s", "press_slowest_mm_s", "press_fastest_mm_s")
 
 
-def changed(settings: Mapping, change: str, severity: float) -> dict:
-    """Return the block `strain` of params.yaml after one change; raise InputError for an unknown one.
+@stress_test("strain", unit="factor, as a power of 2", acts_on="scene")
+def rate(settings: Mapping, severity: float) -> dict:
+    """Sample DAQ and the grid of ingest at 2^severity times their rate, in the same time."""
+    scene, ingest, factor = settings["simulate"], settings["ingest"], 2.0**severity
+    devices = scene["devices"] | {"daq_hz": scene["devices"]["daq_hz"] * factor}
+    scene = scene | {"devices": devices, "samples": round(scene["samples"] * factor)}
+    return {**settings, "simulate": scene, "ingest": ingest | {"rate_hz": ingest["rate_hz"] * factor}}
 
-    * rate: DAQ and the grid of ingest at 2^severity times their rate, in the same time.
-    * speed: all speeds of the arm times 2^severity; rests stay.
-    * specimen: the finger whose number is higher by `severity`, with the same motion, drift and noise.
-    """
-    scene, ingest = settings["simulate"], settings["ingest"]
+
+@stress_test("strain", unit="factor, as a power of 2", acts_on="scene")
+def speed(settings: Mapping, severity: float) -> dict:
+    """Multiply all speeds of the arm by 2^severity; rests stay."""
+    scene = settings["simulate"]
+    motion = scene["motion"] | {name: scene["motion"][name] * 2.0**severity for name in SPEEDS}
+    return {**settings, "simulate": scene | {"motion": motion}}
+
+
+@stress_test("strain", unit="other sensor, number", acts_on="scene")
+def specimen(settings: Mapping, severity: float) -> dict:
+    """Take the finger whose number is higher by `severity`, with the same motion, drift and noise."""
+    scene = settings["simulate"]
+    return {**settings, "simulate": scene | {"specimen": scene["specimen"] + round(severity)}}
+
+
+def changed(settings: Mapping, name: str, severity: float) -> dict:
+    """Return the block `strain` of params.yaml after a stress test; raise InputError for an unknown one."""
+    scene = settings["simulate"]
     devices = scene["devices"] | {"clock_offset_s": 0.0, "clock_drift_ppm": 0.0}
     samples = round(scene["samples"] * (1 - settings["split"]["train"]))
     scene = scene | {"devices": devices, "samples": samples}
-    factor = 2.0**severity
-    if change == "rate":
-        devices["daq_hz"] *= factor
-        scene["samples"] = round(samples * factor)
-        ingest = ingest | {"rate_hz": ingest["rate_hz"] * factor}
-    elif change == "speed":
-        scene["motion"] = scene["motion"] | {name: scene["motion"][name] * factor for name in SPEEDS}
-    elif change == "specimen":
-        scene["specimen"] += round(severity)
-    else:
-        raise InputError(f"strain scene: no change '{change}'; there are {', '.join(CHANGES)}")
-    return {**settings, "simulate": scene, "ingest": ingest}
+    return of_scene("strain", name)({**settings, "simulate": scene}, severity)
 
 
 def logs_of(settings: Mapping, task: str, run: int) -> dict[str, tuple[list[str], list[Fault]]]:

@@ -7,90 +7,123 @@ or two touches at a distance; they have no unchanged version. Everything else is
 """
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.base.errors import InputError
+from pipeline.base.stress_tests import of_scene, stress_test
 from pipeline.datasets import specimens
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import touch, touch_motion
 from pipeline.scenes.touch_contact import steady, tip_area_m2
 from pipeline.scenes.touch_motion import Recording
 
-# Perturbation -> the conditions in which it acts.
-VARIATIONS = dict.fromkeys(("specimen", "peak_pressure", "press_speed", "tip_radius"), ("double", "single_anew"))
-LAYOUTS = dict.fromkeys(("touches", "distance"), ("several",))
+UNCHANGED = "unchanged"
 PRESSES = 160  # of a condition whose presses are drawn anew
 DRAWS = 1000  # of places, until all touches are far enough from one another
 
 
-def varied(settings: Mapping, perturbation: str, severity: float) -> dict:
-    """Return the block `touch` with one thing changed.
+Placed = tuple[np.ndarray, np.ndarray]  # where tips press and how hard, see `places`
 
-    * peak_pressure: all pressures times 1 + severity.
-    * press_speed: approach, hold and release 2^severity times as fast; the rest between two presses as before.
-    * tip_radius: the CNC's tip's radius plus severity (mm), the hand's in proportion, at the same pressures; the
-      labels change with the tip (eq. 1).
 
-    Every other perturbation leaves the block as it is.
+class Changed(NamedTuple):
+    """The block `touch` after a stress test, and what the block does not say."""
+
+    settings: dict
+    of_array: dict = {}  # changes of `simulate` for the array that reads, not for the tips that press
+    tips: Placed | None = None  # in place of those of the condition
+
+
+@stress_test("touch", unit="other sensor, number", acts_on="scene", conditions=("double", "single_anew"))
+def specimen(settings: Mapping, severity: float) -> Changed:
+    """Take another array of the same make: its number from the trained.
+
+    No seed trains on it, and its places differ, even where those of training do not. The presses are the same.
     """
-    scene, label = settings["simulate"], settings["label"]
-    if perturbation == "peak_pressure":
-        scaled = {key: scene["pressure"][key] * (1 + severity) for key in ("lowest_kpa", "highest_kpa")}
-        scene = scene | {"pressure": scene["pressure"] | scaled}
-    if perturbation == "press_speed":
-        scaled = {key: scene["press"][key] / 2**severity for key in ("approach_s", "hold_s", "release_s")}
-        scene = scene | {"press": scene["press"] | scaled}
-    if perturbation == "tip_radius":
-        label = label | {"tip_radius_mm": label["tip_radius_mm"] + severity}
-        if label["tip_radius_mm"] <= 0:
-            raise InputError(f"params.yaml, stress.touch: tip_radius {severity:g} mm leaves no tip; take less away")
-        # The hand's tip keeps its share of the CNC's: the same millimetres could leave nothing of it.
-        share = label["tip_radius_mm"] / settings["label"]["tip_radius_mm"]
-        scene = scene | {"hand": scene["hand"] | {"tip_radius_mm": scene["hand"]["tip_radius_mm"] * share}}
-    return settings | {"simulate": scene, "label": label}
+    scene = settings["simulate"]
+    effects = scene["effects"] | ({"places": True} if severity else {})
+    unknown = scene["specimen"] + scene["specimens"] * int(severity)
+    return Changed(settings, {"specimen": unknown, "effects": effects})
+
+
+@stress_test("touch", unit="relative change", acts_on="scene", conditions=("double", "single_anew"))
+def peak_pressure(settings: Mapping, severity: float) -> Changed:
+    """Multiply all pressures by 1 + severity."""
+    pressure = settings["simulate"]["pressure"]
+    scaled = {key: pressure[key] * (1 + severity) for key in ("lowest_kpa", "highest_kpa")}
+    return Changed(settings | {"simulate": settings["simulate"] | {"pressure": pressure | scaled}})
+
+
+@stress_test("touch", unit="factor, as a power of 2", acts_on="scene", conditions=("double", "single_anew"))
+def press_speed(settings: Mapping, severity: float) -> Changed:
+    """Approach, hold and release 2^severity times as fast; the rest between two presses stays."""
+    press = settings["simulate"]["press"]
+    scaled = {key: press[key] / 2**severity for key in ("approach_s", "hold_s", "release_s")}
+    return Changed(settings | {"simulate": settings["simulate"] | {"press": press | scaled}})
+
+
+@stress_test("touch", unit="change in mm", acts_on="scene", conditions=("double", "single_anew"))
+def tip_radius(settings: Mapping, severity: float) -> Changed:
+    """Add `severity` mm to the radius of the CNC's tip, and in proportion to the hand's, at the same pressures.
+
+    The labels change with the tip (eq. 1).
+    """
+    scene, radius = settings["simulate"], settings["label"]["tip_radius_mm"] + severity
+    if radius <= 0:
+        raise InputError(f"params.yaml, stress.touch: tip_radius {severity:g} mm leaves no tip; take less away")
+    # The hand's tip keeps its share of the CNC's: the same millimetres could leave nothing of it.
+    share = radius / settings["label"]["tip_radius_mm"]
+    hand = scene["hand"] | {"tip_radius_mm": scene["hand"]["tip_radius_mm"] * share}
+    return Changed(
+        settings | {"simulate": scene | {"hand": hand}, "label": settings["label"] | {"tip_radius_mm": radius}}
+    )
+
+
+@stress_test("touch", unit="number of touches", acts_on="scene", conditions=("several",))
+def touches(settings: Mapping, severity: float) -> Changed:
+    """Press with `severity` tips at once."""
+    return Changed(settings, tips=places(settings, severity))
+
+
+@stress_test("touch", unit="mm", acts_on="scene", conditions=("several",))
+def distance(settings: Mapping, severity: float) -> Changed:
+    """Press with two tips `severity` mm apart."""
+    return Changed(settings, tips=pairs(settings, severity))
+
+
+def changed(settings: Mapping, name: str, severity: float) -> Changed:
+    """Return the block `touch` after a stress test, as it is for UNCHANGED; InputError for an unknown name."""
+    return Changed(settings) if name == UNCHANGED else of_scene("touch", name)(settings, severity)
 
 
 def plan(
-    settings: Mapping, condition: str, perturbation: str, severity: float, specimen: int
+    settings: Mapping, condition: str, name: str, severity: float, number: int
 ) -> tuple[list[Recording], Callable[[Recording], dict]]:
-    """Return the perturbed recordings of one condition, and the function that gives the logs of one, as `touch.plan`.
+    """Return the recordings of one condition after a test, and the function that gives the logs of one (`touch.plan`).
 
-    settings: the block `touch` as params.yaml has it; specimen: the array that was trained on. The perturbation
-    `specimen` takes arrays of the same make that no seed trains on, with places that differ, even where those of
-    training do not, at the same presses.
+    settings: the block `touch` as params.yaml has it; name: of the test; number: of the array that was trained on.
     """
-    changed = varied(settings, perturbation, severity)
-    changed = changed | {"simulate": specimens.drawn(changed["simulate"], specimen)}
-    scene, sensor, radius = changed["simulate"], changed["sensor"], changed["label"]["tip_radius_mm"]
+    scene = specimens.drawn(settings["simulate"], number)
+    block, of_array, tips = changed(settings | {"simulate": scene}, name, severity)
+    scene, sensor, radius = block["simulate"], block["sensor"], block["label"]["tip_radius_mm"]
     if condition == "double":
         recordings = touch_motion.double_recordings(scene, sensor, radius)
-    elif condition == "single_anew":
-        recordings = pressed(condition, *places(changed, 1), scene, radius)
-    elif perturbation == "touches":
-        recordings = pressed(condition, *places(changed, severity), scene, radius)
     else:
-        recordings = pressed(condition, *pairs(changed, severity), scene, radius)
-    read_out = scene
-    if perturbation == "specimen":
-        effects = scene["effects"] | ({"places": True} if severity else {})
-        unknown = scene["specimen"] + settings["simulate"]["specimens"] * int(severity)
-        read_out = scene | {"specimen": unknown, "effects": effects}
-    recordings = [each._replace(name=specimens.named(specimen, each.name)) for each in recordings]
-    return recordings, lambda recording: touch.logs_of(recording, read_out, sensor, reset=False)
+        recordings = pressed(condition, *(tips or places(block, 1)), scene, radius)
+    recordings = [each._replace(name=specimens.named(number, each.name)) for each in recordings]
+    return recordings, lambda recording: touch.logs_of(recording, scene | of_array, sensor, reset=False)
 
 
-def places(settings: Mapping, touches: int) -> tuple[np.ndarray, np.ndarray]:
-    """Draw where and how hard `touches` tips press at once: (presses, touches, 2) in mm, (presses, touches) in kPa.
+def places(settings: Mapping, number: float) -> tuple[np.ndarray, np.ndarray]:
+    """Draw where and how hard `number` tips press at once: (presses, touches, 2) in mm, (presses, touches) in kPa.
 
     On label cells of elements drawn at random, at least one element between any two, as in the double-touch data.
     Places are drawn for touch.ingest.max_touches tips, so that those of fewer touches are among those of more.
     """
     scene, sensor, most = settings["simulate"], settings["sensor"], settings["ingest"]["max_touches"]
-    if touches != int(touches) or not 1 <= touches <= most:
-        raise InputError(
-            f"params.yaml, stress.touch: {touches!r} touches at once; give a whole number from 1 to {most}"
-        )
+    if number != int(number) or not 1 <= number <= most:
+        raise InputError(f"params.yaml, stress.touch: {number!r} touches at once; give a whole number from 1 to {most}")
     rng, presses = generator(scene["seed"], "stress", "places"), _presses(scene)
     elements = np.array([(c, r) for r in range(sensor["rows"]) for c in range(sensor["cols"])])
     pressed_elements = np.empty((presses, most, 2))
@@ -110,7 +143,7 @@ def places(settings: Mapping, touches: int) -> tuple[np.ndarray, np.ndarray]:
     cells = rng.integers(0, 4, pressed_elements.shape)  # one of the 4 x 4 label cells of the element
     places_mm = (pressed_elements + (cells + 0.5) / 4) * sensor["pitch_mm"]
     kpa = rng.uniform(scene["pressure"]["lowest_kpa"], scene["pressure"]["highest_kpa"], (presses, most))
-    return places_mm[:, : int(touches)], kpa[:, : int(touches)]
+    return places_mm[:, : int(number)], kpa[:, : int(number)]
 
 
 def pairs(settings: Mapping, distance_mm: float) -> tuple[np.ndarray, np.ndarray]:

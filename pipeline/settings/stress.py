@@ -1,8 +1,14 @@
-"""Settings of the stress tests: what goes wrong after training, and how badly. Severity 0 is always done."""
+"""Settings of the stress tests: what goes wrong after training, and how badly. Severity 0 is always done.
 
-from typing import Annotated
+Which tests there are is read in the code of the functions that are registered as such, see base/stress_tests.py.
+"""
 
-from pydantic import AfterValidator, Field, model_validator
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from pydantic import AfterValidator, Field, create_model, model_validator
 
 from pipeline.settings.shared import Block, Distinct, Number, Positive, Seeds, SomeOf, Text
 
@@ -17,69 +23,46 @@ def without_zero(severities: list[float]) -> list[float]:
 Severities = Annotated[Distinct[Number], AfterValidator(without_zero)]
 
 
-class Readings(SomeOf):
-    """Faults of the readings that all sensors have."""
+class Declared(NamedTuple):
+    """What the code of a stress test says of it."""
 
-    noise: Severities = Field(default=None, description="White noise: standard deviation, share of the range")
-    gain_drift: Severities = Field(
-        default=None, description="Gain of each element: standard deviation of its logarithm"
-    )
-    offset_drift: Severities = Field(
-        default=None, description="Offset of each element: standard deviation, share of the range"
-    )
-    dead: Severities = Field(default=None, description="Elements that stop responding (number)")
-    stuck: Severities = Field(default=None, description="Elements that repeat one reading (number)")
-    lost_frames: Severities = Field(default=None, description="Probability that a frame repeats the one before")
-    jitter: Severities = Field(default=None, description="Error of a frame's time: standard deviation (frames)")
+    unit: str  # of the severity, in words
+    meaning: str  # first line of the docstring
 
 
-class ReadingsOfArea(Readings):
-    """Faults of sensors whose elements lie in rows and columns."""
+def declared(path: Path) -> Iterator[tuple[str, str, Declared]]:
+    """Yield (kind of input or experiment of a scene, name, Declared) of a file's functions under `@stress_test(...)`.
 
-    dead_line: Severities = Field(default=None, description="Whole rows or columns that read the lowest value (number)")
-
-
-class ReadingsOfSeries(Readings):
-    """Faults of sensors whose readings are a series."""
-
-    half: Severities = Field(default=None, description="As dead, half way through the test part (number)")
-    time: Severities = Field(
-        default=None, description="No fault: age of the samples since the start of the test part (minutes)"
-    )
-
-
-class TouchPerturbations(ReadingsOfArea):
-    """Faults of the readings, and changes of the scene."""
-
-    specimen: Severities = Field(
-        default=None, description="Another array of the same make: its number from the trained"
-    )
-    peak_pressure: Severities = Field(default=None, description="Factor of all pressures, less 1")
-    press_speed: Severities = Field(default=None, description="Factor of the speed of presses (log2)")
-    tip_radius: Severities = Field(default=None, description="Change of the tip's radius (mm)")
-    touches: Severities = Field(default=None, description="Touches at once (number)")
-    distance: Severities = Field(default=None, description="Distance between two touches (mm)")
+    Python runs none of it: its imports would cost every stage 1 s. Raises TypeError that names the function where an
+    argument is not written out.
+    """
+    for function in ast.parse(path.read_text(encoding="utf-8")).body:
+        for call in getattr(function, "decorator_list", ()):
+            if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "stress_test":
+                try:
+                    of = [ast.literal_eval(each) for each in call.args]
+                    (unit,) = (ast.literal_eval(each.value) for each in call.keywords if each.arg == "unit")
+                except ValueError as error:
+                    where = f"pipeline/{path.parent.name}/{path.name}, {function.name}"
+                    raise TypeError(f"{where}: give @stress_test a unit and write out its arguments as text") from error
+                meaning = (ast.get_docstring(function) or "").partition("\n")[0]
+                yield from ((each, function.name, Declared(unit, meaning)) for each in of)
 
 
-class StrainPerturbations(ReadingsOfSeries):
-    """Faults of the readings, and changes of the scene."""
-
-    rate: Severities = Field(default=None, description="Factor of the sampling rate (log2)")
-    speed: Severities = Field(default=None, description="Factor of the arm's speed (log2)")
-    specimen: Severities = Field(
-        default=None, description="Another finger of the same make: its number from the trained"
-    )
+CODE = Path(__file__).resolve().parents[1]
+TESTS = [
+    one for files in ("stability/*.py", "scenes/*_stress.py") for path in CODE.glob(files) for one in declared(path)
+]
 
 
-class GlovePerturbations(ReadingsOfArea):
-    """Faults of the readings, and changes of the scene."""
-
-    specimen: Severities = Field(
-        default=None, description="Another glove of the same make: its number from the trained"
-    )
-    shift: Severities = Field(default=None, description="Shift of the object towards the fingers (mm)")
-    turn: Severities = Field(default=None, description="Turn of the object's axis on the palm (degrees)")
-    grip: Severities = Field(default=None, description="Factor of the grip's margin over the slip force (log2)")
+def severities(*of: str) -> type[SomeOf]:
+    """Return a class of severities by stress test: of the readings of a kind of input, and of an experiment's scene."""
+    fields = {
+        name: (Severities, Field(default=None, description=f"{test.meaning} Severity: {test.unit}"))
+        for kind, name, test in sorted(TESTS)
+        if kind in of
+    }
+    return create_model(f"{of[-1].capitalize()}StressTests", __base__=SomeOf, __doc__="Severities by test.", **fields)
 
 
 class Tested(Block):
@@ -106,34 +89,22 @@ class SeededTest(Tested):
     seeds: Seeds = Field(description="Seeds whose trained models are tested")
 
 
-class StressTouch(Tested):
-    perturbations: TouchPerturbations = Field(description="Severities by what goes wrong; range: the ADC's 1023 counts")
-
-
-class StressVelostatRecorded(Tested):
-    perturbations: ReadingsOfArea = Field(description="Severities by what goes wrong; range: of training readings")
-
-
-class StressStrain(Tested):
-    perturbations: StrainPerturbations = Field(description="Severities by what goes wrong; range: each channel's")
-
-
-class StressStrainRecorded(Tested):
-    perturbations: ReadingsOfSeries = Field(description="Severities by what goes wrong; range: each channel's")
-
-
-class StressGlove(SeededTest):
-    perturbations: GlovePerturbations = Field(description="Severities by what goes wrong; range: each area's")
-
-
-class StressGloveRecorded(SeededTest):
-    perturbations: ReadingsOfArea = Field(description="Severities by what goes wrong; range: each area's")
+def tested(span: str, *of: str, base: type[Tested] = Tested) -> type[Tested]:
+    """Return the class of what is tested of one experiment; of: as of `severities`, span: the range of its readings."""
+    perturbations = severities(*of), Field(description=f"Severities by what goes wrong; range: {span}")
+    return create_model("Stress", __base__=base, __doc__="What is tested.", perturbations=perturbations)
 
 
 class Stress(Block):
-    touch: StressTouch = Field(description="Stress tests of touch")
-    velostat_recorded: StressVelostatRecorded = Field(description="Stress tests of velostat_recorded")
-    strain: StressStrain = Field(description="Stress tests of strain")
-    strain_recorded: StressStrainRecorded = Field(description="Stress tests of strain_recorded")
-    glove: StressGlove = Field(description="Stress tests of glove")
-    glove_recorded: StressGloveRecorded = Field(description="Stress tests of glove_recorded")
+    """What is tested of each experiment."""
+
+    touch: tested("the ADC's 1023 counts", "windows", "touch") = Field(description="Stress tests of touch")
+    velostat_recorded: tested("of training readings", "windows") = Field(
+        description="Stress tests of velostat_recorded"
+    )
+    strain: tested("each channel's", "series", "strain") = Field(description="Stress tests of strain")
+    strain_recorded: tested("each channel's", "series") = Field(description="Stress tests of strain_recorded")
+    glove: tested("each area's", "images", "glove", base=SeededTest) = Field(description="Stress tests of glove")
+    glove_recorded: tested("each area's", "images", base=SeededTest) = Field(
+        description="Stress tests of glove_recorded"
+    )

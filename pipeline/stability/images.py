@@ -1,53 +1,49 @@
-"""Stress tests of models of tactile images (glove): what trained models make of readings that went wrong.
+"""Stress of models of tactile images (glove, glove_recorded): readings that went wrong, or a changed scene.
 
 The readings of the test frames go wrong, then become images by the experiment's own functions, so that what its
 normalisation hides is hidden. Severity 0 is the score of the stage `evaluate`. Pressure and strain are two areas, each
-with its own range, cells and lines; by name:
+with its own range, cells and lines.
 
 * noise, offset_drift: in units of the range of all readings of the area in training.
 * gain_drift: of what a cell reads above the 5th percentile of its training frames.
 * dead: cells (joints) read 0. stuck: they stay at what they read in one of the test frames. Of an area with fewer
-  than `severity`, all.
+  cells than the severity, all.
 * dead_line: rows or columns of the scanned area read 0; of each matrix of the recorded hand; joints have no lines.
 * lost_frames, jitter: within a recording, over all of its frames, whether they become images or not.
-* specimen, shift, turn, grip (simulated only): the test sessions in a changed scene, see
-  pipeline/scenes/glove_stress.py. An object out of place is the same as a glove that sits wrongly on the hand.
+* Scenes (simulated only): the test sessions in a changed scene, see pipeline/scenes/glove_stress.py. An object out of
+  place is the same as a glove that sits wrongly on the hand.
 
 What an unseen session costs is not here: it is the difference between the experiment's splits.
 
 Cells that read 0 in all training frames are not wired; nothing of the above reaches them.
-Readings are rounded and clipped to what the device can print. A draw depends on the seed and the perturbation's name
-alone, so that all models see the same.
+Readings are rounded and clipped to what the device can print.
 """
 
 import functools
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
-from pipeline import experiments, tasks
+from pipeline import experiments
 from pipeline.base import paths
 from pipeline.base.paths import Workspace
+from pipeline.base.stress_tests import FRAMES, SCENE, StressTest
 from pipeline.datasets import images, schemas
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import glove_stress
 from pipeline.scoring import classification, metrics
-from pipeline.stability import clean_scores, perturbations
+from pipeline.stability import run
 from pipeline.tasks import images as tasks_images
 
-IN_TIME = ("lost_frames", "jitter")
-READINGS = ("noise", "gain_drift", "offset_drift", "dead", "stuck", "dead_line", *IN_TIME)
-SCENES = ("specimen", "shift", "turn", "grip")
 AREAS = ("pressure", "strain")
 LOW_PERCENTILE = 5
-ROUNDING = 2e-3  # of a fraction: on another processor one image in a thousand may fall on the other side
 
 
 class Area(NamedTuple):
-    """What is known of one area of the sensor."""
+    """One area of the sensor: its readings, and what they can be."""
 
     readings: np.ndarray  # (frames, cells) of the whole frames table
     wired: np.ndarray  # (cells,) bool: reads something in training
@@ -66,71 +62,51 @@ class Frames(NamedTuple):
     areas: Mapping[str, Area]
 
 
-def prepare(workspace: Workspace, values: Mapping, experiment: str) -> dict[str, list]:
-    """Return the perturbations that params.yaml asks for, with their severities; InputError for an unknown one."""
-    return perturbations.planned(values, experiment, READINGS, SCENES)
+class Run(run.Run):
+    """A model of images."""
 
+    rounding = 2e-3  # of a fraction: on another processor one image in a thousand may fall on the other side
 
-def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, report: Callable) -> list[tuple]:
-    """Return rows (protocol, condition, seed, perturbation, severity, metric, unit, value, n) of one model.
+    @staticmethod
+    def group(protocol: str) -> str:
+        """Return the split: its protocols show the same frames, in several modalities."""
+        return images.split_name(protocol)
 
-    A run whose training diverged has NaN for values. Raises InputError for an unknown perturbation in params.yaml,
-    and where severity 0 does not have the scores of scores.csv.
-    """
-    import torch
+    def read(self) -> None:
+        """Read the images of the run."""
+        self.data = images.read(self.workspace.dataset(self.experiment), self.protocol, self.seed)
+        self.modality = images.modality(self.protocol)
+        self.x, self.y = tasks_images.part_of(self.data, "test")
 
-    torch.set_num_threads(1)
-    settings, block = values[experiment], values["stress"][experiment]
-    plan = prepare(workspace, values, experiment)
-    check = clean_scores.checker(workspace, experiment, ROUNDING)
-    rows_of_runs = {}
-    for split in dict.fromkeys(map(images.split_name, block["protocols"])):
-        protocols = [name for name in block["protocols"] if images.split_name(name) == split]
-        for seed in block["seeds"]:
-            runs = {protocol: Run(workspace, values, experiment, model, protocol, seed) for protocol in protocols}
-            for protocol, run in runs.items():
-                check((protocol, run.modality, model, seed), run.clean)
-            frames = read(workspace, experiment, settings, next(iter(runs.values())).part)
-            for name, severities in plan.items():
-                for protocol, run in runs.items():
-                    rows_of_runs.setdefault((protocol, seed), []).extend((name, 0, *row) for row in run.clean)
-                for severity in severities:
-                    pictures = stressed(experiment, settings, frames, name, severity, seed)
-                    for protocol, run in runs.items():
-                        scores = run.scores(pictures[run.modality])
-                        rows_of_runs[protocol, seed] += [(name, severity, *row) for row in scores]
-            for _ in runs:
-                report()
-    return [
-        (protocol, images.modality(protocol), seed, *row)
-        for protocol in block["protocols"]
-        for seed in block["seeds"]
-        for row in rows_of_runs[protocol, seed]
-    ]
+    def spec(self):
+        """Return the shapes of the task."""
+        return tasks_images.spec(self.data)
 
-
-class Run:
-    """One trained model and its predictions of the test images as they are."""
-
-    def __init__(self, workspace: Workspace, values: Mapping, experiment: str, model: str, protocol: str, seed: int):
-        data = images.read(workspace.dataset(experiment), protocol, seed)
-        spec = tasks_images.spec(data)
-        self.model, self.failed = tasks.load(workspace, values, experiment, model, protocol, seed, spec)
-        self.modality, self.part = images.modality(protocol), data.part
-        self.x, self.y = tasks_images.part_of(data, "test")
+    def predict_clean(self) -> None:
+        """Predict the test images as they are."""
         self.predicted = self.model.predict(self.x)
-        self.clean = self._scores(self.predicted)
+        self.clean = {self.modality: self.scored(self.predicted)}
 
-    def scores(self, pictures: np.ndarray) -> list:
-        """Return the scores of test images (n, SIDE, SIDE) uint8 after a perturbation; predicts the changed."""
-        x = pictures.reshape(self.x.shape).astype(np.float32)
-        changed = np.flatnonzero((x != self.x).any(axis=(1, 2)))
+    @functools.cached_property
+    def frames(self) -> Frames:
+        """Return the frames of the images, with their areas as they were in training."""
+        return read(self.workspace, self.experiment, self.settings, self.data.part)
+
+    def changed(self, test: StressTest, severity: float) -> dict[str, np.ndarray]:
+        """Return the test images after a test: modality -> (n, SIDE, SIDE) uint8."""
+        return stressed(self.experiment, self.settings, self.frames, test, severity, self.seed)
+
+    def scores(self, changed: Mapping[str, np.ndarray]) -> run.Scored:
+        """Yield the modality and the scores of the model, which predicts what changed."""
+        x = changed[self.modality].reshape(self.x.shape).astype(np.float32)
+        different = np.flatnonzero((x != self.x).any(axis=(1, 2)))
         predicted = self.predicted.copy()
-        if len(changed):
-            predicted[changed] = self.model.predict(x[changed])
-        return self._scores(predicted)
+        if len(different):
+            predicted[different] = self.model.predict(x[different])
+        yield self.modality, self.scored(predicted)
 
-    def _scores(self, predicted: np.ndarray) -> list:
+    def scored(self, predicted: np.ndarray) -> list[metrics.Row]:
+        """Return the scores of predictions (n, classes); NaN for a failed run."""
         return metrics.unless_failed(classification.scores(self.y, predicted), self.failed)
 
 
@@ -157,59 +133,51 @@ def device(module, area: str) -> tuple[float, float, tuple[tuple[int, int], ...]
         if area == "strain":
             return -module.IMPOSSIBLE_DEG, module.IMPOSSIBLE_DEG, ()
         return 0, module.FULL_SCALE, module.MATRICES
-    known = images.GLOVE[area]
-    return known.lowest, known.highest, ((known.rows, known.cols),)
+    of_glove = images.GLOVE[area]
+    return of_glove.lowest, of_glove.highest, ((of_glove.rows, of_glove.cols),)
 
 
 def stressed(
-    experiment: str, settings: Mapping, frames: Frames, name: str, severity: float, seed: int
+    experiment: str, settings: Mapping, frames: Frames, test: StressTest, severity: float, seed: int
 ) -> dict[str, np.ndarray]:
     """Return the test images of one split after a perturbation: modality -> (n, SIDE, SIDE) uint8."""
-    if name in SCENES:
-        readings = changed_scene(settings, frames, name, severity)
+    if test.acts_on == SCENE:
+        readings = changed_scene(settings, frames, test.name, severity)
     else:
-        readings = {area: perturbed(frames, area, name, severity, seed) for area in AREAS}
+        readings = {area: perturbed(frames, area, test, severity, seed) for area in AREAS}
     table = frames.table.take(pa.array(frames.rows))
     for area in AREAS:
-        kind = table.schema.field(area).type.value_type
-        place = table.schema.get_field_index(area)
-        table = table.set_column(place, area, schemas.lists(readings[area], kind))
+        column = schemas.lists(readings[area], table.schema.field(area).type.value_type)
+        table = table.set_column(table.schema.get_field_index(area), area, column)
     return experiments.module(experiment).images(table, settings)
 
 
-def perturbed(frames: Frames, area: str, name: str, severity: float, seed: int) -> np.ndarray:
-    """Return readings of one area in the test frames, (n, cells), in the type of the table, after one of READINGS."""
-    known = frames.areas[area]
-    rng = generator(seed, "stress", name, *([] if name in IN_TIME else [area]))  # one scan: both areas lose a frame
-    result = known.readings[frames.rows]
-    wired = result[:, known.wired]
-    if name in IN_TIME:
-        act = getattr(perturbations, name)
+def perturbed(frames: Frames, area: str, test: StressTest, severity: float, seed: int) -> np.ndarray:
+    """Return readings of one area in the test frames, (n, cells), in the type of the table, after a test of them."""
+    seen, in_time = frames.areas[area], test.acts_on == FRAMES
+    rng = generator(seed, "stress", test.draw, *([] if in_time else [area]))  # one scan: both areas lose a frame
+    result = seen.readings[frames.rows]
+    wired = result[:, seen.wired]
+    levels = {"span": seen.span, "rest": seen.rest[seen.wired], "low": 0.0}
+    if in_time:
         for first, last in recordings(frames.table):
             rows = np.flatnonzero((frames.rows >= first) & (frames.rows < last))
             if len(rows):
-                whole = known.readings[first:last][:, known.wired]
-                wired[rows] = act(whole, severity, rng)[frames.rows[rows] - first]
-        result[:, known.wired] = wired
-    elif name == "dead_line":
+                whole = seen.readings[first:last][:, seen.wired]
+                wired[rows] = test.changed(whole, severity, rng, levels)[frames.rows[rows] - first]
+        result[:, seen.wired] = wired
+    elif "rows" in test.needs:
         start = 0
-        for rows, cols in known.lines:
+        for rows, cols in seen.lines:
             cells = slice(start, start + rows * cols)
-            result[:, cells] = perturbations.dead_line(result[:, cells], severity, rng, rows=rows, cols=cols, low=0.0)
+            result[:, cells] = test.changed(result[:, cells], severity, rng, levels | {"rows": rows, "cols": cols})
             start += rows * cols
     else:
-        needed = {
-            "noise": {"span": known.span},
-            "offset_drift": {"span": known.span},
-            "gain_drift": {"rest": known.rest[known.wired]},
-            "dead": {"low": 0.0},
-        }
-        most = wired.shape[1] if name in ("dead", "stuck") else severity
-        act = getattr(perturbations, name)
-        result[:, known.wired] = act(wired, min(severity, most), rng, **needed.get(name, {}))
+        most = wired.shape[1] if test.unit == "number of elements" else severity
+        result[:, seen.wired] = test.changed(wired, min(severity, most), rng, levels)
     kind = frames.table.schema.field(area).type.value_type
     result = np.rint(result) if pa.types.is_integer(kind) else result
-    return np.clip(result, known.lowest, known.highest).astype(kind.to_pandas_dtype())
+    return np.clip(result, seen.lowest, seen.highest).astype(kind.to_pandas_dtype())
 
 
 def recordings(table: pa.Table) -> Iterator[tuple[int, int]]:
@@ -224,12 +192,12 @@ def changed_scene(settings: Mapping, frames: Frames, change: str, severity: floa
 
     A frame that ingest left out stays left out, and is found by its time.
     """
-    known, table = json.dumps(settings), frames.table.take(pa.array(frames.rows))
+    block, table = json.dumps(settings), frames.table.take(pa.array(frames.rows))
     objects, names = schemas.names(table["condition"]), schemas.names(table["recording"])
     number = np.rint(table["t_s"].to_numpy() * settings["simulate"]["frame_hz"]).astype(int) - 1
     cells = np.empty((len(number), sum(area.readings.shape[1] for area in frames.areas.values())), np.int16)
     for first, last in recordings(table):
-        cells[first:last] = session(known, objects[first], names[first], change, severity)[number[first:last]]
+        cells[first:last] = session(block, objects[first], names[first], change, severity)[number[first:last]]
     return dict(zip(AREAS, np.split(cells, [frames.areas["pressure"].readings.shape[1]], axis=1), strict=True))
 
 

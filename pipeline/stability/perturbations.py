@@ -4,35 +4,22 @@ Readings are float arrays (..., frames, elements) in the sensor's own units (ADC
 another in time along axis -2, leading axes are windows. Every function returns a new array of the same kind; severity 0
 returns the readings unchanged. With the same generator, a higher severity is the same draw scaled, or the same
 elements and some more, so that errors at two severities compare. Readings are not clipped to the sensor's range: the
-caller knows the range and clips.
+caller knows the range and clips. What a function needs to know of the training readings are its keywords.
 """
-
-from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.base.stress_tests import stress_test
 
 
-def planned(values: Mapping, experiment: str, readings: Collection[str], scenes: Collection[str]) -> dict[str, list]:
-    """Return perturbation -> rising severities of params.yaml; scene perturbations only where data are simulated.
-
-    readings, scenes: known names of perturbations of readings and of scenes. Recordings have no scene. Raises
-    InputError for an unknown name.
-    """
-    settings, given = values[experiment], values["stress"][experiment]["perturbations"]
-    known = (*readings, *(scenes if "simulate" in settings else ()))
-    params.check_known(given, known, f"stress.{experiment}.perturbations")
-    simulated = settings.get("source") == "simulated"
-    return {name: sorted(severities) for name, severities in given.items() if simulated or name not in scenes}
-
-
+@stress_test("windows", "series", "images", unit="share of the range")
 def noise(readings: np.ndarray, severity: float, rng: np.random.Generator, *, span: float) -> np.ndarray:
     """Add white noise of standard deviation severity * span; span: the sensor's range, in the readings' units."""
     return _same_kind(readings, readings + severity * span * rng.standard_normal(readings.shape))
 
 
+@stress_test("windows", "series", "images", unit="spread of log gain")
 def gain_drift(readings: np.ndarray, severity: float, rng: np.random.Generator, *, rest: np.ndarray) -> np.ndarray:
     """Multiply each element's response, readings - rest, by exp(severity N(0, 1)); rest: (elements,) unpressed."""
     if severity == 0:
@@ -41,11 +28,13 @@ def gain_drift(readings: np.ndarray, severity: float, rng: np.random.Generator, 
     return _same_kind(readings, rest + (readings - rest) * gain)
 
 
+@stress_test("windows", "series", "images", unit="share of the range")
 def offset_drift(readings: np.ndarray, severity: float, rng: np.random.Generator, *, span: float) -> np.ndarray:
     """Shift each element by severity * span * N(0, 1), the same in all frames; span as for `noise`."""
     return _same_kind(readings, readings + severity * span * rng.standard_normal(readings.shape[-1]))
 
 
+@stress_test("windows", "series", "images", unit="number of elements")
 def dead(readings: np.ndarray, severity: int, rng: np.random.Generator, *, low: float | np.ndarray) -> np.ndarray:
     """Make `severity` elements, drawn once, read `low` in all frames; low: in the readings' units."""
     result = readings.copy()
@@ -53,6 +42,14 @@ def dead(readings: np.ndarray, severity: int, rng: np.random.Generator, *, low: 
     return result
 
 
+@stress_test("series", unit="number of elements", draw="dead")
+def half(readings: np.ndarray, severity: int, rng: np.random.Generator, *, low: float) -> np.ndarray:
+    """Make the elements of `dead` read `low` from the middle frame on."""
+    middle = readings.shape[-2] // 2
+    return np.concatenate([readings[..., :middle, :], dead(readings[..., middle:, :], severity, rng, low=low)], axis=-2)
+
+
+@stress_test("windows", "series", "images", unit="number of elements")
 def stuck(readings: np.ndarray, severity: int, rng: np.random.Generator) -> np.ndarray:
     """Make `severity` elements repeat in all frames their reading of one frame, drawn from all windows."""
     result = readings.copy()
@@ -63,6 +60,7 @@ def stuck(readings: np.ndarray, severity: int, rng: np.random.Generator) -> np.n
     return result
 
 
+@stress_test("windows", "images", unit="number of rows or columns")
 def dead_line(
     readings: np.ndarray, severity: int, rng: np.random.Generator, *, rows: int, cols: int, low: float
 ) -> np.ndarray:
@@ -77,6 +75,7 @@ def dead_line(
     return grid.reshape(result.shape)
 
 
+@stress_test("windows", "series", "images", unit="share of frames", acts_on="frames")
 def lost_frames(readings: np.ndarray, severity: float, rng: np.random.Generator) -> np.ndarray:
     """Replace each frame with probability `severity` by the last frame that was kept; a window's first frame stays."""
     lost = rng.random(readings.shape[:-1]) < severity
@@ -85,6 +84,7 @@ def lost_frames(readings: np.ndarray, severity: float, rng: np.random.Generator)
     return np.take_along_axis(readings, np.maximum.accumulate(kept, axis=-1)[..., None], axis=-2)
 
 
+@stress_test("windows", "series", "images", unit="frames", acts_on="frames")
 def jitter(readings: np.ndarray, severity: float, rng: np.random.Generator) -> np.ndarray:
     """Take each frame severity * N(0, 1) frames early or late: linear interpolation in time, the ends held."""
     last = readings.shape[-2] - 1

@@ -7,11 +7,10 @@ from collections.abc import Callable, Mapping
 
 from tqdm import tqdm
 
-from pipeline import experiments
 from pipeline.base import arguments, files, params, workers
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
-from pipeline.stability import images, series, windows
+from pipeline.stability import loop
 
 COLUMNS = (
     "experiment",
@@ -26,14 +25,13 @@ COLUMNS = (
     "value",
     "n",
 )
-STRESSES = {"windows": windows, "series": series, "images": images}  # by kind of input
 
 
 def stress_model(
     workspace: Workspace, values: Mapping, experiment: str, model: str, report: Callable[[], None]
 ) -> list[tuple]:
     """Return rows of stress.csv for one model."""
-    rows = STRESSES[experiments.module(experiment).KIND].rows(workspace, values, experiment, model, report)
+    rows = loop.rows(workspace, values, experiment, model, report)
     return [(experiment, protocol, condition, model, seed, *rest) for protocol, condition, seed, *rest in rows]
 
 
@@ -41,12 +39,12 @@ def main(workspace: Workspace) -> None:
     """Stress the models of the experiment named on the command line."""
     values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
-    protocols, block = values[experiment]["protocols"], values["stress"][experiment]
-    params.check_known(block["protocols"], protocols, f"stress.{experiment}.protocols")
+    asked = values["stress"][experiment]["protocols"]
+    params.check_known(asked, values[experiment]["protocols"], f"stress.{experiment}.protocols")
     models, rows = list(values[experiment]["models"]), {}
     if why_not_run(workspace, experiment) is None:
-        STRESSES[experiments.module(experiment).KIND].prepare(workspace, values, experiment)
-        runs = sum(len(protocols[name]["seeds"]) for name in block["protocols"])
+        loop.prepare(workspace, values, experiment)
+        runs = sum(1 for _ in loop.runs(values, experiment))
         with tqdm(total=len(models) * runs, desc=f"stress {experiment}", unit="run") as bar:
             # The slowest models, last in params.yaml, first: else one process would end long after the others.
             tasks = {model: (workspace, values, experiment, model) for model in reversed(models)}

@@ -39,7 +39,7 @@ def asked_of(values: Mapping, experiment: str) -> changed_scene.Asked:
 
 
 def run_variant(values: Mapping, experiment: str, effect: str, seed: int, report: Callable) -> list[tuple]:
-    """Return rows of physics.csv (variants.COLUMNS) of one effect left out and one seed."""
+    """Return rows of physics.csv (studies.PHYSICS) of one effect left out and one seed."""
     import torch
 
     torch.set_num_threads(1)

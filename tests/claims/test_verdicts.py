@@ -13,6 +13,7 @@ from scipy import stats
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, expressions, judge, rules
+from pipeline.claims.equivalence import inside, lies_within
 from pipeline.claims.rules import CALIBRATED, CONTRADICTED, MATCHES, NEAR, OFF, OUTSIDE, REPRODUCED, UNDECIDED
 from pipeline.scoring import claim_inputs, one_table, published
 
@@ -281,3 +282,26 @@ def test_of_two_values_that_must_be_below_one_is_refuted_by_holms_test():
     nothing = {"a": np.nan, "b": np.nan}
     assert rules.below({"a": over}, nothing, limit=0.0).verdict == CONTRADICTED
     assert rules.below({"a": over, "b": under}, nothing, limit=0.0).verdict == UNDECIDED
+
+
+@pytest.mark.parametrize(
+    ("interval", "bounds", "found"),
+    [
+        ((-1, 1), (-1, 1), True),  # on the bounds
+        ((-1.01, 1), (-1, 1), None),
+        ((-1, 1.01), (-1, 1), None),
+        ((1, 2), (-1, 1), None),  # touches the bound
+        ((1.01, 2), (-1, 1), False),
+        ((-2, -1.01), (-1, 1), False),
+        ((-2, 2), (-1, 1), None),
+        ((-50, 1), (-np.inf, 1), True),
+        ((1.01, 2), (-np.inf, 1), False),
+        ((np.nan, np.nan), (-1, 1), None),
+    ],
+)
+def test_an_interval_lies_within_bounds_beyond_one_or_across(interval, bounds, found):
+    assert lies_within(*interval, *bounds) is found
+    assert inside(np.array([interval[0], -0.5]), np.array([interval[1], 0.5]), *bounds).tolist() == [
+        found is True,
+        True,
+    ]

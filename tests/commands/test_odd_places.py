@@ -12,7 +12,7 @@ LONG = "a/" + "x" * 300
 PLACES = [LONG, "/proc/none", "file/below", "..", ".", "loop/below", "a\0b"]
 OUT = [("predict", "linear", "logs", "--no-pictures", "--out", "PLACE"), ("export", "linear", "PLACE")]
 IN = [("predict", "linear", "PLACE/none"), ("predict", "PLACE", "logs"), ("check", "touch", "PLACE")]
-IN += [("sheet", "PLACE"), ("own", "PLACE"), ("unpack", "PLACE"), ("fetch", "strain_recorded", "--from", "PLACE")]
+IN += [("sheet", "PLACE"), ("own", "PLACE"), ("fetch", "strain_recorded", "--from", "PLACE")]
 
 
 @pytest.fixture

@@ -1,5 +1,5 @@
-"""What is easy to add: a claim in five lines, a model in two files, a study in one entry, an experiment in a module,
-a file of settings and a row; each is in the report.
+"""What is easy to add: a claim in five lines, a model in two files, a study in one entry, a stress test in a function,
+an experiment in a module, a file of settings and a row; each is in the report.
 """
 
 import re
@@ -59,6 +59,14 @@ from pipeline.experiments.touch import (  # all that `experiments` asks for
 FACTS = replace(touch.FACTS, label="Pads", log=None, paper=None, twin=None)
 '''
 ROW = '    pads: Touch = Field(description="Presses on pads")\n'
+STRESS_TEST = '''
+
+@stress_test("series", unit="share of the range", acts_on="readings")
+def sagging_supply(readings: np.ndarray, severity: float, rng: np.random.Generator, *, span: float) -> np.ndarray:
+    """Take the same share of the range from all elements."""
+    return _same_kind(readings, readings - severity * span)
+'''
+STRESSED = ("simulate", "ingest", "dataset", "train", "evaluate", "stress")
 STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render")
 
 
@@ -152,3 +160,30 @@ def test_a_study_of_one_entry_is_computed_and_in_the_report(workspace, monkeypat
     table = pd.read_csv(workspace.reports / "rightsize.csv")
     assert set(table["experiment"]) == {"strain"} and sorted(set(table["size"])) == [3, 5] and set(table["runs"]) == {1}
     assert "LSTM" in after and after.count("Still to be computed") == 2
+
+
+@pytest.mark.slow
+def test_a_stress_test_of_one_function_is_in_the_table_and_in_the_report(tmp_path):
+    """The function, and its severities: no list of stress tests names it."""
+    project = Project(tmp_path)
+    copy_code(project.folder)
+    with open(project.folder / "pipeline" / "stability" / "perturbations.py", "a") as code:
+        code.write(STRESS_TEST)
+    asked = {"protocols": ["task_1"], "usable": {"task_1": 1.0}}
+    asked |= {"perturbations": {"sagging_supply": [0.5, 0.1], "noise": [0.1]}}
+    models = {"constant": {}, "ridge": {"ridge": 1.0}}
+    few = {"strain.protocols": {"task_1": {"seeds": [0]}, "task_0": {"seeds": [0]}}, "strain.models": models}
+    project.set({"experiments": ["strain"], "stress.strain": asked} | few)
+    project.stages(*(f"stages.{stage} strain" for stage in STRESSED))
+    (project.folder / "reports").mkdir(exist_ok=True)
+    shutil.copy(project.folder / "data" / "strain" / "stress.csv", project.folder / "reports")
+    project.stages("stages.render_study stability")
+    table = pd.read_csv(project.folder / "data" / "strain" / "stress.csv")
+    error = table[table["metric"] == "error"].set_index(["model", "perturbation", "severity"])["value"].sort_index()
+    assert list(error["ridge", "sagging_supply"].index) == [0, 0.1, 0.5]
+    clean, some, more = error["ridge", "sagging_supply"]
+    assert clean == error["ridge", "noise", 0] and clean < some < more
+    assert error["constant", "sagging_supply"].nunique() == 1
+    report = (project.folder / "reports" / "stability" / "README.md").read_text()
+    assert re.search(r"\| Model +\| Relative error +\| Sagging supply +\| Noise +\|", report)
+    assert re.search(r"\| Sagging supply +\| +0.5 +\| +take the same share of the range from all elements +\|", report)

@@ -12,12 +12,11 @@ import pytest
 from scipy import stats
 
 from pipeline.base.paths import Workspace
-from pipeline.claims import entries, judge
+from pipeline.claims import entries, judge, physics, sizes
 from pipeline.claims.rules import REPRODUCED
 from pipeline.reporting import glove
 from pipeline.reporting.page import answers
 from pipeline.reporting.report import Report
-from pipeline.reporting.verdicts import physics, sizes
 from pipeline.scoring import claim_inputs, one_table, shards, studies
 
 LEVELS = {"linear": {0: 9.0, 1: 5.0, 2: 5.1}, "poly": {2: 3.85, 0: 8.0, 1: 3.95}}

@@ -7,10 +7,10 @@ from builders.project import ROOT
 
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
+from pipeline.claims import stability as stability_verdicts
+from pipeline.claims.stability import FAILED, HOLDS, level
 from pipeline.reporting import studies
 from pipeline.reporting.figures import style
-from pipeline.reporting.verdicts import stability as stability_verdicts
-from pipeline.reporting.verdicts.stability import FAILED, HOLDS, level
 from pipeline.reporting.words import labels
 from pipeline.scoring.results import Estimate
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from pipeline.base import stress_tests
 from pipeline.base.errors import InputError
 from pipeline.datasets.seeding import generator
-from pipeline.stability import perturbations
+from pipeline.settings import stress
+from pipeline.stability import loop, perturbations
 
 ELEMENTS, FRAMES = 6, 8
 SETTINGS = {
@@ -123,14 +125,33 @@ def test_elements_that_cannot_fail_are_refused(name, severity):
 
 
 def test_unknown_names_are_refused_and_recordings_have_no_scene():
-    def planned(settings, given):
-        values = {"glove": settings, "stress": {"glove": {"perturbations": given}}}
-        return perturbations.planned(values, "glove", ("noise", "dead"), ("grip",))
+    def planned(settings, asked):
+        values = {"glove": settings, "stress": {"glove": {"perturbations": asked}}}
+        return {test.name: own for test, own in stress_tests.planned(values, "glove", "images").items()}
 
     with pytest.raises(InputError, match="stress.glove.perturbations: unknown key 'deads'; did you mean 'dead'"):
         planned({"simulate": {}}, {"deads": [1]})
     with pytest.raises(InputError, match="unknown key 'grip'"):
         planned({}, {"grip": [1]})
-    given = {"grip": [1], "noise": [2, 1]}
-    assert planned({"simulate": {}, "source": "simulated"}, given) == {"grip": [1], "noise": [1, 2]}
-    assert planned({"simulate": {}, "source": "data/own"}, given) == {"noise": [1, 2]}
+    asked = {"grip": [1], "noise": [2, 1]}
+    assert planned({"simulate": {}, "source": "simulated"}, asked) == {"grip": [1], "noise": [1, 2]}
+    assert planned({"simulate": {}, "source": "data/own"}, asked) == {"noise": [1, 2]}
+
+
+def test_settings_know_what_the_code_registers_and_code_that_cannot_be_read_is_named(tmp_path):
+    registered = {
+        (of, name, test.unit) for of, tests in stress_tests.REGISTERED.items() for name, test in tests.items()
+    }
+    assert registered == {(of, name, test.unit) for of, name, test in stress.TESTS} and len(registered) > 30
+    file = tmp_path / "stability" / "own.py"
+    file.parent.mkdir()
+    for arguments in ("KIND, unit='mm'", "'windows', unit=MM", "'windows'"):
+        file.write_text(f"@stress_test({arguments})\ndef hole():\n    pass\n")
+        with pytest.raises(TypeError, match=r"pipeline/stability/own.py, hole: give @stress_test a unit"):
+            list(stress.declared(file))
+
+
+def test_rows_of_a_scene_stand_by_condition_those_of_severity_0_first():
+    scored = [(severity, condition, []) for severity in (0, -2, 2) for condition in ("double", "anew")]
+    wanted = [(0, "double"), (0, "anew"), (-2, "double"), (2, "double"), (-2, "anew"), (2, "anew")]
+    assert [row[:2] for row in loop.by_condition(scored)] == wanted

@@ -11,10 +11,12 @@ from builders.project import ROOT, miniature_settings, run_stage
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.base.stress_tests import REGISTERED
 from pipeline.datasets import images, schemas
 from pipeline.experiments import glove, glove_recorded
 from pipeline.scenes import glove_stress
 from pipeline.stability import images as stress_images
+from pipeline.stability import loop
 from pipeline.stages import dataset, evaluate, ingest, simulate, train
 
 MODELS = {"constant": {}, "naive_bayes": {"smoothing": 1e-3}}
@@ -38,6 +40,10 @@ def project(workspace):
         yield values
 
 
+def perturbed(frames, area, name, severity, seed):
+    return stress_images.perturbed(frames, area, REGISTERED["images"][name], severity, seed)
+
+
 def read(workspace, values) -> stress_images.Frames:
     part = images.read(workspace.dataset("glove"), "session_combined", 0).part
     return stress_images.read(workspace, "glove", values["glove"], part)
@@ -46,7 +52,7 @@ def read(workspace, values) -> stress_images.Frames:
 @pytest.mark.slow
 def test_severity_0_is_exactly_what_evaluate_found(workspace, project):
     reports = []
-    found = stress_images.rows(workspace, project, "glove", "naive_bayes", lambda: reports.append(1))
+    found = loop.rows(workspace, project, "glove", "naive_bayes", lambda: reports.append(1))
     with open(workspace.scores("glove")) as file:
         known = {tuple(row[k] for k in (1, 2, 4, 5)): row[7] for row in csv.reader(file) if row[3] == "naive_bayes"}
     block = params.load(ROOT / "params.yaml")["stress"]["glove"]
@@ -59,7 +65,7 @@ def test_severity_0_is_exactly_what_evaluate_found(workspace, project):
         row[3:5]: row[7] for row in found if row[:3] == ("session_combined", "combined", 0) and row[5] == "accuracy"
     }
     assert len({value for (_, severity), value in level.items() if severity}) > 1
-    constant = stress_images.rows(workspace, project, "glove", "constant", lambda: None)
+    constant = loop.rows(workspace, project, "glove", "constant", lambda: None)
     assert len({row[7] for row in constant if row[2] == 0 and row[5] == "accuracy"}) == 1
 
 
@@ -68,12 +74,13 @@ def test_severity_0_of_every_perturbation_gives_the_images_of_the_dataset(worksp
     frames, settings = read(workspace, project), project["glove"]
     data = images.read(workspace.dataset("glove"), "session_combined", 0)
     expected = data.x[data.part == "test"].reshape(-1, images.SIDE, images.SIDE)
-    for name in (*stress_images.READINGS, *stress_images.SCENES):
-        pictures = stress_images.stressed("glove", settings, frames, name, 0, 7)
-        assert np.array_equal(pictures["combined"], expected), name
-    for name in (*stress_images.READINGS, *stress_images.SCENES):
-        pictures = stress_images.stressed("glove", settings, frames, name, 2, 7)
-        assert not np.array_equal(pictures["combined"], expected), name
+    tests = [*REGISTERED["images"].values(), *REGISTERED["glove"].values()]
+    assert len(tests) == 12
+    for test in tests:
+        same, other = (
+            stress_images.stressed("glove", settings, frames, test, severity, 7)["combined"] for severity in (0, 2)
+        )
+        assert np.array_equal(same, expected) and not np.array_equal(other, expected), test.name
 
 
 @pytest.mark.slow
@@ -82,11 +89,11 @@ def test_cells_that_are_not_wired_stay_null_and_counts_stay_counts(workspace, pr
     wired = frames.areas["pressure"].wired
     assert (~wired).sum() == 27  # 3 rows of the palm's 9 columns
     for name in ("noise", "offset_drift", "gain_drift", "dead", "stuck"):
-        found = stress_images.perturbed(frames, "pressure", name, 3, 0)
+        found = perturbed(frames, "pressure", name, 3, 0)
         assert found.dtype == np.int16 and found.min() >= 0 and found.max() <= 1023 and not found[:, ~wired].any(), name
-    most = stress_images.perturbed(frames, "strain", "dead", 1000, 0)
+    most = perturbed(frames, "strain", "dead", 1000, 0)
     assert not most.any()
-    few = stress_images.perturbed(frames, "pressure", "dead", 4, 0)
+    few = perturbed(frames, "pressure", "dead", 4, 0)
     before = frames.areas["pressure"].readings[frames.rows]
     assert (few != before).any(axis=0).sum() == 4
 
@@ -94,7 +101,7 @@ def test_cells_that_are_not_wired_stay_null_and_counts_stay_counts(workspace, pr
 @pytest.mark.slow
 def test_lost_frames_come_from_the_same_recording(workspace, project):
     frames = read(workspace, project)
-    found = stress_images.perturbed(frames, "pressure", "lost_frames", 1.0, 0)
+    found = perturbed(frames, "pressure", "lost_frames", 1.0, 0)
     whole, starts = frames.areas["pressure"].readings, [first for first, _ in stress_images.recordings(frames.table)]
     first = np.array([max(start for start in starts if start <= row) for row in frames.rows])
     assert np.array_equal(found, whole[first])  # every frame but the first is lost
@@ -104,7 +111,7 @@ def test_lost_frames_come_from_the_same_recording(workspace, project):
         for name, area in frames.areas.items()
     }
     numbered = frames._replace(areas=areas)
-    shown = {area: stress_images.perturbed(numbered, area, "lost_frames", 0.5, 0).max(axis=1) for area in areas}
+    shown = {area: perturbed(numbered, area, "lost_frames", 0.5, 0).max(axis=1) for area in areas}
     assert 0 < (shown["pressure"] == frames.rows).mean() < 1
     assert np.array_equal(shown["pressure"], shown["strain"])  # one scan
 
@@ -124,13 +131,13 @@ def test_the_recorded_hand_has_six_matrices_and_joints_without_lines():
     }
     columns = {name: schemas.lists(area.readings, pa.float32()) for name, area in areas.items()}
     frames = stress_images.Frames(pa.table(columns), np.arange(3), areas)
-    found = stress_images.perturbed(frames, "pressure", "dead_line", 2, 0)
+    found = perturbed(frames, "pressure", "dead_line", 2, 0)
     start = 0
     for rows, cols in glove_recorded.MATRICES:
         matrix = found[0, start : start + rows * cols].reshape(rows, cols)
         assert (matrix == 0).all(axis=0).sum() + (matrix == 0).all(axis=1).sum() == 2
         start += rows * cols
-    assert np.array_equal(stress_images.perturbed(frames, "strain", "dead_line", 2, 0), joints)
+    assert np.array_equal(perturbed(frames, "strain", "dead_line", 2, 0), joints)
 
 
 def test_unchanged_images_are_not_predicted_again_and_failed_runs_have_no_numbers():
@@ -141,15 +148,21 @@ def test_unchanged_images_are_not_predicted_again_and_failed_runs_have_no_number
         return np.repeat([[1.0, 0.0]], len(x), axis=0)
 
     run = stress_images.Run.__new__(stress_images.Run)
-    run.model, run.failed = SimpleNamespace(predict=predict), False
+    run.model, run.failed, run.modality = SimpleNamespace(predict=predict), False, "pressure"
     run.x, run.y = np.zeros((4, 1, images.SIDE**2), np.float32), np.eye(2)[[0, 1, 1, 1]]
     run.predicted = np.repeat([[0.0, 1.0]], 4, axis=0)
     pictures = np.zeros((4, images.SIDE, images.SIDE), np.uint8)
-    assert run.scores(pictures)[0] == ("accuracy", "1", 0.75, 4) and not asked
+
+    def accuracy():
+        ((modality, scores),) = run.scores({"pressure": pictures, "strain": None})
+        assert modality == "pressure"
+        return scores[0]
+
+    assert accuracy() == ("accuracy", "1", 0.75, 4) and not asked
     pictures[0] = 1
-    assert run.scores(pictures)[0] == ("accuracy", "1", 1.0, 4) and asked == [1]
+    assert accuracy() == ("accuracy", "1", 1.0, 4) and asked == [1]
     run.failed = True
-    assert np.isnan(run.scores(pictures)[0][2])
+    assert np.isnan(accuracy()[2])
 
 
 @pytest.mark.slow

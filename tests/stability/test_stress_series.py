@@ -2,6 +2,7 @@
 
 import csv
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,14 +11,15 @@ from builders.project import ROOT, miniature_settings, run_stage
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.base.stress_tests import REGISTERED
 from pipeline.datasets import series
 from pipeline.scenes import strain, strain_stress
+from pipeline.stability import loop
 from pipeline.stability import series as stress_series
-from pipeline.stability.series import Levels, Run
 from pipeline.stages import dataset, evaluate, ingest, simulate, train
 
 SAMPLES, FIRST = 4000, 3500  # the test part is longer ago than WARM_UP from the start
-SEEN = Levels(np.array([1.0, 2.0]), np.array([0.5, 0.5]), 5.0)
+SEEN = {"span": np.array([1.0, 2.0]), "rest": np.array([0.5, 0.5]), "low": 5.0}
 
 
 def piece() -> series.Piece:
@@ -32,9 +34,26 @@ def piece() -> series.Piece:
 
 def errors(predict, failed=False, seed=0, **plan) -> dict:
     """(perturbation, severity) -> (error, n) of a model, in the order in which they come."""
-    run = Run(predict, failed, series.Task((2,), {"task_1": [0, 1]}, False, "task_0"), "strain", "task_1", seed)
-    found = stress_series.stressed(run, piece(), SEEN, plan, {})
-    return {(name, severity): next((v, n) for m, _, v, n in scores if m == "error") for name, severity, scores in found}
+    run = stress_series.Run.__new__(stress_series.Run)
+    run.model, run.failed, run.seed, run.protocol = SimpleNamespace(predict=predict), failed, seed, "task_1"
+    run.task, run.piece, run.levels = series.Task((2,), {"task_1": [0, 1]}, False, "task_0"), piece(), SEEN
+    run.asked = {"perturbations": plan}
+    run.predict_clean()
+    found = {}
+    for name, severities in plan.items():
+        test = REGISTERED["series"][name]
+        every = [
+            (0, run.unchanged(test)),
+            *((severity, run.scores(run.changed(test, severity))) for severity in severities),
+        ]
+        for severity, scored in every:
+            ((_, scores),) = scored
+            found[name, severity] = next((v, n) for m, _, v, n in scores if m == "error")
+    return found
+
+
+def perturbed(name, x, severity):
+    return stress_series.changed(x, REGISTERED["series"][name], severity, 0, SEEN)
 
 
 def first_channel(x):
@@ -55,8 +74,7 @@ def test_a_clean_model_and_what_noise_and_offsets_add():
 def test_gain_is_of_the_deviation_from_rest():
     x = piece().record.x[FIRST:]
     once, twice = (
-        np.log((stress_series.perturbed("gain_drift", x, severity, 0, SEEN) - SEEN.rest) / (x - SEEN.rest))
-        for severity in (0.2, 0.4)
+        np.log((perturbed("gain_drift", x, severity) - SEEN["rest"]) / (x - SEEN["rest"])) for severity in (0.2, 0.4)
     )
     assert np.ptp(once, axis=0) == pytest.approx(0, abs=1e-5) and abs(once[0]).min() > 1e-3
     assert twice == pytest.approx(2 * once, abs=1e-5)
@@ -65,8 +83,8 @@ def test_gain_is_of_the_deviation_from_rest():
 def test_readings_stay_between_0_and_what_a_loose_strand_reads():
     x = piece().record.x[FIRST:]
     for name in ("noise", "offset_drift", "gain_drift"):
-        found = stress_series.perturbed(name, x, 10.0, 0, SEEN)
-        assert found.min() >= 0 and found.max() <= SEEN.loose and found.dtype == np.float32
+        found = perturbed(name, x, 10.0)
+        assert found.min() >= 0 and found.max() <= SEEN["low"] and found.dtype == np.float32
 
 
 def test_a_dead_strand_reads_the_supply_and_half_of_the_time_costs_half():
@@ -132,8 +150,8 @@ def test_severity_0_is_exactly_what_evaluate_found(workspace, project):
     with open(workspace.scores("strain")) as file:
         known = {tuple(row[k] for k in (1, 2, 4, 5)): float(row[7]) for row in csv.reader(file) if row[3] == "ridge"}
     reports = []
-    found = stress_series.rows(workspace, project, "strain", "ridge", lambda: reports.append(1))
-    clean = [row for row in found if row[4] == 0 and row[3] not in stress_series.SCENES]
+    found = loop.rows(workspace, project, "strain", "ridge", lambda: reports.append(1))
+    clean = [row for row in found if row[4] == 0 and row[3] not in REGISTERED["strain"]]
     assert len(reports) == 4 and len(clean) == 4 * 4 * 2  # runs; perturbations, error and r2
     for protocol, condition, seed, _, _, metric, _, value, _ in clean:
         assert value == known[protocol, condition, str(seed), metric]

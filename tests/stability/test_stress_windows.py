@@ -11,6 +11,7 @@ from builders.project import ROOT, run_stage
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.base.stress_tests import REGISTERED, planned
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import touch, touch_stress
@@ -176,11 +177,14 @@ def test_recordings_that_are_absent_leave_a_header(workspace, project, monkeypat
 
 def test_own_logs_have_no_scene_to_perturb():
     values = small()
-    cases = stress_windows.scene_cases(values, "touch")
-    assert len(cases) == 14  # of each of two arrays 2 x 2 variations, 2 layouts, the single touches
-    assert sorted(case.specimen for case in cases) == [0] * 7 + [1] * 7
+
+    def cases():
+        return stress_windows.scene_cases(values, "touch", planned(values, "touch", "windows"))
+
+    assert len(cases()) == 14  # of each of two arrays 2 x 2 variations, 2 layouts, the single touches
+    assert sorted(case.specimen for case in cases()) == [0] * 7 + [1] * 7
     values["touch"]["source"] = "data/own"
-    assert stress_windows.scene_cases(values, "touch") == []
+    assert cases() == []
 
 
 @pytest.mark.slow
@@ -189,7 +193,11 @@ def test_perturbed_counts_stay_what_the_adc_can_print(workspace, project):
     values = small()
     data = windows.read(workspace.dataset("touch"), values["touch"])
     train_part = data.part("press", 0) == "train"
-    change = stress_windows.perturber(values["touch"], data, train_part)
+    levels = stress_windows.Levels.seen(values["touch"], data, train_part)
+
+    def change(x, name, severity, rng):
+        return levels.changed(x, REGISTERED["windows"][name], severity, rng)
+
     for name, severity in (("noise", 0.5), ("gain_drift", 2.0), ("offset_drift", 0.5), ("jitter", 1.0)):
         x = change(data.x[:50], name, severity, generator(0, name))
         assert x.min() >= 0 and x.max() <= 1023 and np.array_equal(x, np.rint(x)), name
@@ -237,7 +245,7 @@ def test_one_thing_changes_at_a_time(settings, condition):
 
     blunter, _ = first(settings, condition, "tip_radius", 5)
     np.testing.assert_allclose(blunter.touches[0].force_n, 4 * plain.touches[0].force_n)  # same pressure
-    assert touch_stress.varied(settings, "tip_radius", 5)["label"]["tip_radius_mm"] == 10
+    assert touch_stress.changed(settings, "tip_radius", 5).settings["label"]["tip_radius_mm"] == 10
 
     other, other_logs = first(settings, condition, "specimen", 1)
     assert np.array_equal(other.touches[0].force_n, plain.touches[0].force_n)

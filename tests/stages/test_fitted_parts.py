@@ -19,9 +19,7 @@ from pipeline.base.paths import MODEL_ZERO, Workspace
 from pipeline.datasets import schemas
 from pipeline.inference import calibration, channels
 from pipeline.inference.describer import Describer
-from pipeline.stability import images as stress_of_images
-from pipeline.stability import series as stress_of_series
-from pipeline.stability import windows as stress_of_windows
+from pipeline.stability import loop
 from pipeline.stages import train
 
 RUNS = {"touch": ("press", 0), "strain": ("task_1", 0), "glove": ("session_combined", 0)}
@@ -32,10 +30,6 @@ NETWORKS = {
     "glove": ["resnet3x3"],
 }
 READINGS, LABELS = ("x", "v", "pressure", "strain", "combined"), ("y", "force_n", "label")
-
-
-class Enough(Exception):
-    """What a stress test would need of the training part is known."""
 
 
 def exchange(table: pa.Table, rows: np.ndarray) -> pa.Table:
@@ -68,45 +62,14 @@ def change(workspace: Workspace, experiment: str, part: str) -> None:
         pyarrow.parquet.write_table(frames, workspace.frames(experiment))
 
 
-def levels(workspace: Workspace, values: Mapping, experiment: str, patch: pytest.MonkeyPatch) -> list[np.ndarray]:
+def levels(workspace: Workspace, values: Mapping, experiment: str) -> list[np.ndarray]:
     """Return what a stress test takes from the training part of a run: rest, range and levels of the readings."""
-    seen: list[np.ndarray] = []
-    model, task = CLOSED[experiment][0], tasks.kind(experiment)
-    values = values | {"stress": values["stress"] | {experiment: values["stress"][experiment] | {"perturbations": {}}}}
-    if task == "windows":
-        made = stress_of_windows.perturber
-
-        def perturber(*given):
-            x, perturb = np.full((3, 8, 25), 400.0), made(*given)
-            names = ("noise", "gain_drift", "offset_drift", "dead")
-            seen.extend(perturb(x, name, 0.2, np.random.default_rng(0)) for name in names[:3])
-            raise Enough
-
-        patch.setattr(stress_of_windows, "perturber", perturber)
-        asked = stress_of_windows.rows
-    elif task == "series":
-        found = stress_of_series.levels
-
-        def of_series(*given):
-            seen.extend(map(np.asarray, found(*given)))
-            raise Enough
-
-        patch.setattr(stress_of_series, "levels", of_series)
-        asked = stress_of_series.rows
-    else:
-        read = stress_of_images.read
-        patch.setattr(stress_of_images.clean_scores, "checker", lambda *given: lambda *of_run: None)
-
-        def of_images(*given):
-            areas = read(*given).areas.values()
-            seen.extend(np.asarray(part) for area in areas for part in (area.wired, area.span, area.rest))
-            raise Enough
-
-        patch.setattr(stress_of_images, "read", of_images)
-        asked = stress_of_images.rows
-    with pytest.raises(Enough):
-        asked(workspace, values, experiment, model, lambda *numbers: None)
-    return seen
+    protocol, seed = RUNS[experiment]
+    run = loop.KINDS[tasks.kind(experiment)].Run(workspace, values, experiment, CLOSED[experiment][0], protocol, seed)
+    if experiment == "glove":
+        return [np.asarray(part) for area in run.frames.areas.values() for part in (area.wired, area.span, area.rest)]
+    known = run.levels.known if experiment == "touch" else run.levels
+    return [np.asarray(known[name]) for name in ("span", "rest", "low")]
 
 
 def fitted(workspace: Workspace, values: Mapping, experiment: str, names: list[str]) -> dict[str, object]:
@@ -138,8 +101,7 @@ def fitted(workspace: Workspace, values: Mapping, experiment: str, names: list[s
             rows = [row for *_, scored in tests for row in scored]
             found[f"{name}: force gain"] = {(*row[:2], row[3]) for row in rows if row[1] == "force_gain"}
             found[f"{name}: scores"] = rows
-    with pytest.MonkeyPatch.context() as patch:
-        found["levels"] = [level.tolist() for level in levels(workspace, values, experiment, patch)]
+    found["levels"] = [level.tolist() for level in levels(workspace, values, experiment)]
     return found
 
 

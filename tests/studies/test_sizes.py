@@ -8,12 +8,12 @@ import pytest
 import torch
 
 from pipeline.base.errors import InputError
+from pipeline.claims import sizes as sizes_verdicts
+from pipeline.claims.sizes import Reference
 from pipeline.learning.residual_blocks import separable_network
 from pipeline.models import sp_resnet
 from pipeline.reporting import tables
 from pipeline.reporting.figures import sizes as sizes_figures
-from pipeline.reporting.verdicts import sizes as sizes_verdicts
-from pipeline.reporting.verdicts.sizes import Reference
 from pipeline.scoring import shards, studies
 from pipeline.scoring.claim_inputs import FULL, KEY
 from pipeline.scoring.one_table import Results

@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, NullLocator
 
+from pipeline.claims.sizes import NAMES, SCALES, Reference, error_of, unit_of
 from pipeline.reporting.figures import style
-from pipeline.reporting.verdicts.sizes import NAMES, SCALES, Reference, error_of, label, unit_of
-from pipeline.reporting.words.labels import task_name
+from pipeline.reporting.words.labels import model_name, task_name
+from pipeline.scoring.ladders import FAMILIES
 
 LEAST = 0.6  # of the smallest error is where the axis ends: a longer interval runs out of the panel
 
@@ -18,7 +19,7 @@ LEAST = 0.6  # of the smallest error is where the axis ends: a longer interval r
 def curves(path: Path, title: str, judged: pd.DataFrame, references: Mapping[tuple[str, str], Reference]) -> None:
     """Draw one experiment's ladders, one row of panels per family, one panel per condition.
 
-    judged: rows of verdicts.sizes.JUDGED; references: (family, condition) -> Reference. The x axis is the number of
+    judged: rows of claims.sizes.JUDGED; references: (family, condition) -> Reference. The x axis is the number of
     parameters, for windows the number of frames: the parameters hardly depend on it.
     """
     families, conditions = list(dict.fromkeys(judged["family"])), list(dict.fromkeys(judged["condition"]))
@@ -30,7 +31,7 @@ def curves(path: Path, title: str, judged: pd.DataFrame, references: Mapping[tup
         for ax, condition in zip(row, conditions, strict=True):
             ladder = judged[(judged["family"] == name) & (judged["condition"] == condition)].sort_values("size")
             _panel(ax, name, ladder, references[name, condition], handles)
-            ax.set_title(f"{label(name)}, {task_name(condition)}")
+            ax.set_title(f"{model_name(FAMILIES[name].model)}, {task_name(condition)}")
         metric, unit = judged[judged["family"] == name].iloc[0][["metric", "unit"]]
         row[0].set_ylabel(f"Test error, {NAMES[metric]} ({unit_of(metric, unit)})")
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=3)

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.colors import LogNorm
 
+from pipeline.claims.stability import FLOOR, ranking
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import BLACK, model_style
-from pipeline.reporting.verdicts.stability import FLOOR, ranking
 from pipeline.reporting.words.labels import perturbation
 from pipeline.scoring.results import Estimate
 

@@ -16,7 +16,7 @@ from pipeline.base import paths
 from pipeline.base.availability import has_report, why_not_run, why_not_shown
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.claims import entries
+from pipeline.claims import entries, stability
 from pipeline.claims.rules import BAND
 from pipeline.experiments import facts
 from pipeline.reporting.figures import ratios
@@ -24,7 +24,6 @@ from pipeline.reporting.page import answers, charts, claims
 from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
 from pipeline.reporting.studies import JOINED, stability_file
 from pipeline.reporting.tables import Table
-from pipeline.reporting.verdicts import stability
 from pipeline.reporting.words.labels import condition_name, experiment_name, model_name, perturbation, plain
 from pipeline.scoring import one_table
 from pipeline.scoring.results import read_csv

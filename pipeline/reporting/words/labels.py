@@ -1,6 +1,7 @@
 """Name experiments, models, perturbations, effects and columns as the reports do."""
 
 from pipeline.experiments import NAMES, facts
+from pipeline.settings.stress import TESTS
 
 FRONTS = {"p50_ms": "speed_front", "train_s": "training_front"}  # measured time -> the column of its Pareto front
 TIMES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time (s)"}  # -> its axis
@@ -39,53 +40,31 @@ LABELS = {
 
 MEASURES = {"rmse": "RMSE", "error": "Error", "accuracy": "Accuracy"}  # that models are compared by
 TASKS = {"single": "single touch", "double": "double touch"}  # condition -> what is tested; others are words already
-# Perturbation -> its name, what its severity is on an axis, and what it does.
-PERTURBATIONS = {
-    "noise": ("noise", "share of the range", "white noise; standard deviation as share of the sensor's range"),
-    "gain_drift": (
-        "drift of gains",
-        "spread of log gain",
-        "each element's response scaled; standard deviation of the log of the factor",
-    ),
-    "offset_drift": (
-        "drift of offsets",
-        "share of the range",
-        "each element shifted; standard deviation as share of the sensor's range",
-    ),
-    "dead": (
-        "dead elements",
-        "number of elements",
-        "elements that read the lowest value; strands of strain come loose and read the supply",
-    ),
-    "half": (
-        "elements that die half way",
-        "number of elements",
-        "as dead elements, but only from the middle of the test part on",
-    ),
-    "stuck": ("stuck elements", "number of elements", "elements that repeat one old reading"),
-    "dead_line": ("dead rows or columns", "number of rows or columns", "rows or columns that read the lowest value"),
-    "lost_frames": ("lost frames", "share of frames", "share of frames lost; the one before is repeated"),
-    "jitter": ("uneven sampling", "frames", "frames taken early or late; standard deviation in frames"),
-    "specimen": ("another sensor", "other sensor, number", "number of another sensor of the same make"),
-    "peak_pressure": ("higher pressure", "relative change", "all pressures times 1 + severity"),
-    "press_speed": ("speed of a press", "factor, as a power of 2", "presses faster or slower by 2 to the severity"),
-    "tip_radius": ("radius of the tip", "change in mm", "change of the tip's radius in mm; the labels go with it"),
-    "touches": ("more touches at once", "number of touches", "touches at once"),
-    "distance": ("distance of two touches", "mm", "distance in mm between two touches"),
+PERTURBATIONS = {  # stress test -> its name, and what it does
+    "noise": ("noise", "white noise; standard deviation as share of the sensor's range"),
+    "gain_drift": ("drift of gains", "each element's response scaled; standard deviation of the log of the factor"),
+    "offset_drift": ("drift of offsets", "each element shifted; standard deviation as share of the sensor's range"),
+    "dead": ("dead elements", "elements that read the lowest value; strands of strain come loose and read the supply"),
+    "half": ("elements that die half way", "as dead elements, but only from the middle of the test part on"),
+    "stuck": ("stuck elements", "elements that repeat one old reading"),
+    "dead_line": ("dead rows or columns", "rows or columns that read the lowest value"),
+    "lost_frames": ("lost frames", "share of frames lost; the one before is repeated"),
+    "jitter": ("uneven sampling", "frames taken early or late; standard deviation in frames"),
+    "specimen": ("another sensor", "number of another sensor of the same make"),
+    "peak_pressure": ("higher pressure", "all pressures times 1 + severity"),
+    "press_speed": ("speed of a press", "presses faster or slower by 2 to the severity"),
+    "tip_radius": ("radius of the tip", "change of the tip's radius in mm; the labels go with it"),
+    "touches": ("more touches at once", "touches at once"),
+    "distance": ("distance of two touches", "distance in mm between two touches"),
     "time": (
         "time since the test part began",
-        "minutes",
         "age of the samples in minutes since the start of the test part; nothing is perturbed",
     ),
-    "rate": ("sampling rate", "factor, as a power of 2", "sampling rate changed by 2 to the severity"),
-    "speed": ("speed of motion", "factor, as a power of 2", "motion faster or slower by 2 to the severity"),
-    "shift": ("shifted object", "mm", "the object lies nearer to the fingers by so many mm"),
-    "turn": ("turned object", "degrees", "the object lies turned on the palm by so many degrees"),
-    "grip": (
-        "strength of the grip",
-        "factor, as a power of 2",
-        "margin of the grip over the slip force times 2 to the severity",
-    ),
+    "rate": ("sampling rate", "sampling rate changed by 2 to the severity"),
+    "speed": ("speed of motion", "motion faster or slower by 2 to the severity"),
+    "shift": ("shifted object", "the object lies nearer to the fingers by so many mm"),
+    "turn": ("turned object", "the object lies turned on the palm by so many degrees"),
+    "grip": ("strength of the grip", "margin of the grip over the slip force times 2 to the severity"),
 }
 FORMS = {  # as input_frames.csv calls them: how a network predicts from several input frames
     "trained": "one network trained on all frames",
@@ -143,8 +122,10 @@ def task_name(condition: str) -> str:
 
 
 def perturbation(key: str) -> tuple[str, str, str]:
-    """Return the name of a perturbation of the stability tests, what its severity is on an axis, and what it does."""
-    return PERTURBATIONS.get(key, (plain(key), "severity", "see `stress` in params.yaml"))
+    """Return the name of a stress test, the unit of its severity, and what it does."""
+    unit, meaning = {name: test for _, name, test in TESTS}.get(key, ("severity", "see `stress` in params.yaml"))
+    name, does = PERTURBATIONS.get(key, (plain(key), meaning[:1].lower() + meaning[1:].rstrip(".")))
+    return name, unit, does
 
 
 def effect_name(effect: str) -> str:

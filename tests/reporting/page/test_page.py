@@ -17,8 +17,8 @@ from PIL import Image
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.claims import rules
+from pipeline.claims.stability import FAILURES
 from pipeline.reporting.page import hypertext, sections
-from pipeline.reporting.verdicts.stability import FAILURES
 from pipeline.stages import page
 
 ABSENT = "glove_recorded"

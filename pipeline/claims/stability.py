@@ -23,14 +23,26 @@ from pipeline.scoring.results import Estimate
 
 FLOOR = "constant"
 HOLDS, WORSE, UNUSABLE, FAILED = "holds", "worse than constant", "not usable", "failed in training"
-PLACE = ["protocol", "condition", "perturbation"]
-KEY = [*PLACE, "severity", "model", "seed"]
+TESTED_ON = ["protocol", "condition", "perturbation"]
+KEY = [*TESTED_ON, "severity", "model", "seed"]
 LAST = ["last_severity", "last_error"]  # of the walk
-FAILURES = ["experiment", *PLACE, "model", "fails_at", "step", "clean", "error", "verdict", *LAST, "relative", "worse"]
+FAILURES = [
+    "experiment",
+    *TESTED_ON,
+    "model",
+    "fails_at",
+    "step",
+    "clean",
+    "error",
+    "verdict",
+    *LAST,
+    "relative",
+    "worse",
+]
 
 
 class Verdict(NamedTuple):
-    """Where one model fails: severity and its place in the walk, NaN if nowhere; clean, error: before, and there."""
+    """Where one model fails: severity and its number in the walk, NaN if nowhere; clean, error: before, and there."""
 
     severity: float
     step: float
@@ -53,7 +65,7 @@ def check(table: pd.DataFrame, path: Path, experiment: str, models: Iterable[str
     table: see `runs`, of the file `path`; seeds: protocol -> those of params.yaml.
     """
     made_by = f"python -m pipeline.stages.stress {experiment}"
-    levels = table[[*PLACE, "severity"]].drop_duplicates()
+    levels = table[[*TESTED_ON, "severity"]].drop_duplicates()
     if absent := [protocol for protocol in seeds if protocol not in set(levels["protocol"])]:
         raise InputError(f"{path}: no row for protocol {absent[0]} of {experiment}; run `{made_by}` again")
     wanted = (
@@ -84,13 +96,13 @@ def walked(severities: Sequence[float]) -> list[float]:
 
 def curves(table: pd.DataFrame) -> dict[tuple, dict[str, dict[float, Estimate]]]:
     """Return (protocol, condition, perturbation) -> model -> severity -> `level`, severities as walked."""
-    by_place = {}
-    for place, runs in table.groupby(PLACE, sort=False):
+    found = {}
+    for tested_on, runs in table.groupby(TESTED_ON, sort=False):
         order = walked(runs["severity"])
         levels = {key: level(errors) for key, errors in runs.groupby(["model", "severity"])["error"]}
         models = runs["model"].unique()
-        by_place[place] = {model: {severity: levels[model, severity] for severity in order} for model in models}
-    return by_place
+        found[tested_on] = {model: {severity: levels[model, severity] for severity in order} for model in models}
+    return found
 
 
 def verdict(errors: Mapping[float, Estimate], floor: Mapping[float, Estimate] | None, usable: float) -> Verdict:
@@ -120,14 +132,14 @@ def failures(table: pd.DataFrame, experiment: str, usable: Mapping[str, float]) 
     usable: protocol -> the largest error that is.
     """
     rows = []
-    for place, models in curves(table).items():
+    for tested_on, models in curves(table).items():
         floor = models.get(FLOOR)
         for model, errors in models.items():
             if model != FLOOR:
-                last, judged = list(errors)[-1], verdict(errors, floor, usable[place[0]])
+                last, judged = list(errors)[-1], verdict(errors, floor, usable[tested_on[0]])
                 worse = bool(floor) and any(errors[at].mean > floor[at].mean for at in errors)  # at any severity
                 ends = last, errors[last].mean, relative(errors, floor), worse
-                rows.append((experiment, *place, model, *judged, *ends))
+                rows.append((experiment, *tested_on, model, *judged, *ends))
     return pd.DataFrame(rows, columns=FAILURES)
 
 

@@ -13,9 +13,9 @@ from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.claims import physics as physics_verdicts
+from pipeline.claims.physics import CHANGES, EQUIVALENT, FAILED, MARGIN, NONE, UNKNOWN, assess
 from pipeline.reporting import tables
-from pipeline.reporting.verdicts import physics as physics_verdicts
-from pipeline.reporting.verdicts.physics import CHANGES, EQUIVALENT, FAILED, MARGIN, NONE, UNKNOWN, assess
 from pipeline.scoring import studies
 from pipeline.scoring.studies import PHYSICS as COLUMNS
 from pipeline.scoring.studies import effects

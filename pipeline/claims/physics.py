@@ -18,6 +18,7 @@ import pandas as pd
 from scipy.special import stdtrit
 
 from pipeline.base.paths import Workspace
+from pipeline.claims.equivalence import lies_within
 from pipeline.experiments import facts
 from pipeline.scoring import studies
 from pipeline.scoring.studies import NONE, PHYSICS
@@ -43,14 +44,9 @@ class Change(NamedTuple):
     high: float
 
     @property
-    def equivalent(self) -> bool:
-        """Tell whether the whole interval lies inside the margin."""
-        return -MARGIN < self.low and self.high < MARGIN
-
-    @property
-    def beyond(self) -> bool:
-        """Tell whether the whole interval lies outside the margin, on one side."""
-        return self.low > MARGIN or self.high < -MARGIN
+    def within(self) -> bool | None:
+        """Tell whether the whole interval lies inside the margin, or (False) outside of it, on one side."""
+        return lies_within(self.low, self.high, -MARGIN, MARGIN)
 
 
 class Judgement(NamedTuple):
@@ -100,10 +96,10 @@ def _judged(effect: str, whole: pd.DataFrame, without: pd.DataFrame) -> Judgemen
     swapped = _swapped(whole.mean(skipna=False), without.mean(skipna=False))
     if any(np.isnan(change.relative) for change in changes):
         verdict = FAILED
-    elif any(change.beyond for change in changes):
+    elif any(change.within is False for change in changes):
         verdict = CHANGES
     else:
-        verdict = EQUIVALENT if not swapped and all(change.equivalent for change in changes) else UNKNOWN
+        verdict = EQUIVALENT if not swapped and all(change.within for change in changes) else UNKNOWN
     return Judgement(effect, changes, swapped, verdict)
 
 
@@ -149,7 +145,7 @@ def report_rows(experiment: str, judgements: list[Judgement], switches: Mapping[
         {"experiment": experiment, "effect": judged.effect}
         | change._asdict()
         | {
-            "equivalent": change.equivalent,
+            "equivalent": bool(change.within),
             "swapped": "; ".join(judged.swapped),
             "verdict": judged.verdict,
             "consequence": consequence(experiment, judged, switches[judged.effect]),

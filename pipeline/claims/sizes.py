@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.paths import Workspace
-from pipeline.reporting.words.labels import model_name
+from pipeline.claims.equivalence import lies_within
 from pipeline.scoring import shards, studies
 from pipeline.scoring.one_table import Results
 from pipeline.scoring.results import Estimate, estimate, scale_of
@@ -42,11 +42,6 @@ SCALES = {
 }
 
 
-def label(family: str) -> str:
-    """Return the name of a family's model."""
-    return model_name(studies.FAMILIES[family].model)
-
-
 def read(workspace: Workspace, results: Results, experiment: str) -> pd.DataFrame:
     """Return the runs of an experiment's ladders, of the evidence (`results`). No row: none was computed.
 
@@ -56,11 +51,11 @@ def read(workspace: Workspace, results: Results, experiment: str) -> pd.DataFram
     sets = [each for each in shards.read_sets(workspace).values() if each.experiment == experiment]
     variants = [name for each in sets for name in each.variants]
     families = {name: one for name, one in studies.FAMILIES.items() if one.experiment == experiment}
-    places = [dict.fromkeys(table[name]) for name in ("condition", "seed")]
+    computed = [dict.fromkeys(table[name]) for name in ("condition", "seed")]
     runs = (
         (family, condition, size, seed)
         for family, one in families.items()
-        for condition, seed, size in itertools.product(*places, studies.sizes(variants, one.name))
+        for condition, seed, size in itertools.product(*computed, studies.sizes(variants, one.name))
     )
     where = shards.folder(workspace) / "results"
     studies.check(table, where, ["family", "condition", "size", "seed"], runs, studies.MADE_BY)
@@ -96,9 +91,8 @@ def verdict(excess: Estimate | None) -> str:
         return FAILED
     if excess.mean == 0:
         return BEST
-    if np.isnan(excess.low):
-        return UNCLEAR
-    return ENOUGH if excess.high <= MARGIN else TOO_SMALL if excess.low > MARGIN else UNCLEAR
+    found = lies_within(excess.low, excess.high, -np.inf, MARGIN)
+    return {True: ENOUGH, False: TOO_SMALL, None: UNCLEAR}[found]
 
 
 def judge(runs: pd.DataFrame) -> pd.DataFrame:
@@ -110,11 +104,11 @@ def judge(runs: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (*ladder, metric), own in runs.sort_values("seed").groupby([*LADDER, "metric"], sort=False):
         sizes = dict(list(own.groupby("size")))
-        excess = excesses({size: error_of(part["value"].to_numpy(), metric) for size, part in sizes.items()})
+        excess = excesses({size: error_of(one["value"].to_numpy(), metric) for size, one in sizes.items()})
         verdicts = {size: verdict(excess.get(size)) for size in sizes}
         enough = min((size for size, word in verdicts.items() if word in (BEST, ENOUGH)), default=None)
-        for size, part in sizes.items():
-            first, mean = part.iloc[0], estimate(part["value"], scale_of(metric))
+        for size, one in sizes.items():
+            first, mean = one.iloc[0], estimate(one["value"], scale_of(metric))
             over = excess[size][:3] if size in excess else (np.nan,) * 3
             rows.append((*ladder, size, first["params"], metric, first["unit"], *mean[:3], int(size == enough)))
             rows[-1] += (mean.runs, mean.failed, first["macs"], *over, verdicts[size])
@@ -137,9 +131,9 @@ def references(table: Results, runs: pd.DataFrame) -> dict[tuple[str, str], Refe
     by_ladder = {}
     for (*ladder, metric), own in runs.groupby([*LADDER, "metric"], sort=False):
         experiment, condition, family = ladder
-        place = experiment, studies.protocol(experiment, condition), condition
+        tested_on = experiment, studies.protocol(experiment, condition), condition
         compared = ("constant", studies.FAMILIES[family].model if family in SHORTER else "")
-        values = (table.runs(*place, model, metric) for model in compared)
+        values = (table.runs(*tested_on, model, metric) for model in compared)
         means = (estimate(one[one.index.isin(own["seed"])], scale_of(metric)).mean for one in values)
         by_ladder[family, condition] = Reference(*(error_of(mean, metric) for mean in means))
     return by_ladder
