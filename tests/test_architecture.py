@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from graphlib import TopologicalSorter
+from pathlib import PurePath
 from typing import NamedTuple
 
 import pytest
@@ -337,10 +338,14 @@ def test_an_import_by_name_is_not_a_constant_in_disguise():
 
 
 def test_functions_that_get_faults_and_their_tests_are_there():
-    for file, (names, tests) in mutation.CHOSEN.items():
+    found = list(mutation.chosen())
+    for file, names, tests in found:
         tree = ast.parse((ROOT / "pipeline" / file).read_text(encoding="utf-8"))
-        assert all(mutation.places(tree, file, name) for name in names.split())  # else it says which
-        assert all((ROOT / "tests" / test).is_file() for test in tests.split()), tests
+        assert all(mutation.places(tree, file, name) for name in names)  # else it says which
+        assert all((ROOT / "tests" / test).exists() for test in tests.split()), tests
+    for pattern, (names, tests) in mutation.CHOSEN.items():
+        known = {name for file, each, of in found if of == tests and PurePath(file).match(pattern) for name in each}
+        assert known == set(names.split()), pattern
 
 
 TRAINS = {"test_adding.py", "test_contract_of_models.py"}  # files of tests/general that train or run stages
