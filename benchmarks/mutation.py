@@ -50,7 +50,7 @@ CHOSEN = {
     "targets/kept.py": ("write trained_on predict _outside", KEPT),
     "targets/features.py": ("windows statistics firsts columns", f"{KEPT} targets/test_grouped.py"),
     "studies/counts.py": ("count _row", "general/test_golden.py"),
-    "live/*.py": ("step take _predict _evaluated _start _choose_step between add fields", LIVE),
+    "live/*.py": ("take _predict _evaluated _start _choose_step add fields picture", LIVE),
     "logs/units.py": (ALL, UNITS),
     "studies/sizes.py": ("touch_run glove_run", SELECTION),
     "studies/joined_frames.py": ("scores", "studies/test_input_frames.py"),

@@ -13,7 +13,7 @@ from builders.project import ROOT
 
 from pipeline import tasks
 from pipeline.base import params
-from pipeline.datasets import images, schemas
+from pipeline.datasets import schemas
 from pipeline.inference import describer, onnx_network, predictor
 from pipeline.stages import latency
 from pipeline.tasks import windows
@@ -156,11 +156,6 @@ def test_what_is_timed_are_the_readings_of_the_test_part(column, experiment, wor
     run = next(iter(settings["protocols"])), 0
     made_reports.write(workspace, experiment, settings)
     table = pq.read_table(workspace.dataset(experiment))
-    if experiment == "glove":
-        table = images.with_pictures(
-            table.drop_columns(column), {column: np.array(table[column].to_pylist(), np.uint8).reshape(-1, 32, 32)}
-        )
-        schemas.write(workspace.dataset(experiment), table.schema, [table])
     values, of_models = params.load(ROOT / "params.yaml") | {experiment: settings}, []
     monkeypatch.setattr(params, "load", lambda _: values)
     monkeypatch.setattr("sys.argv", ["latency", experiment])
