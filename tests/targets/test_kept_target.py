@@ -134,3 +134,14 @@ def test_the_margins_of_a_card_are_shares_of_the_training(experiment):
     assert [each.mean_margin for each in found] == pytest.approx([of_mean * np.ptp(x.mean(axis=1)) for x in parts])
     assert np.concatenate([each.high for each in found]) == pytest.approx(counted.max(axis=0))
     assert np.concatenate([each.low for each in found]) == pytest.approx(counted.min(axis=0))
+
+
+def test_a_reading_outside_takes_the_interval_of_its_window_alone(tmp_path):
+    """A window lasts two seconds: those that end within two seconds hold the reading, later ones do not."""
+    model = saved(tmp_path, recorded(2))
+    reading = np.full((60, 2), 0.5)
+    reading[10] = 3.0
+    said = kept.predict(model, log(reading))
+    assert model.card.window_s == 2.0
+    assert said.outside[10:30].all() and not said.outside[:10].any() and not said.outside[32:].any()
+    np.testing.assert_array_equal(np.isnan(said.low), said.outside)
