@@ -3,9 +3,10 @@
     python benchmarks/mutation.py [--sample N] [--seed S] [NAME ...]
 
 Every comparison, sum, number, index, axis, `not`, `and`, min, name of a part and bare call of the functions below can
-be changed. A sample of these mutants is made, of all functions or those named, one by one in a copy of the tracked
-files, where its tests run. Those that no test sees are listed, with exit status 1. Not all of them are a lack: some
-change nothing that can be seen.
+be changed. Of a call, an argument can be left out, taken from its neighbour or reversed in time, and of two arrays the
+first row of one can stand for all of its rows. A sample of these mutants is made, of all functions or those named, one
+by one in a copy of the tracked files, where its tests run. Those that no test sees are listed, with exit status 1. Not
+all of them are a lack: some change nothing that can be seen.
 """
 
 import argparse
@@ -24,18 +25,37 @@ from typing import NamedTuple
 from tqdm import tqdm
 
 ROOT, LIMIT_S = Path(__file__).resolve().parent.parent, 300
+ALL = "*"  # functions of a file
 
 SELECTION, SERIES, VERDICTS = "stages/test_selection.py", "models/test_series_models.py", "claims/test_verdicts.py"
 PAIRING, ONE_LOG, SPECIMENS = (f"general/test_{name}.py" for name in ("pairing", "one_log", "specimens"))
-# file of pipeline/ -> functions and constants whose faults are wrong numbers in silence, and tests that should see them
+FITTED, TRACKED, KEPT = (
+    "inference/test_outside_training.py",
+    "inference/test_tracked_numbers.py",
+    "targets/test_kept_target.py",
+)
+INTERVALS, LIVE = "inference/test_prediction_intervals.py", "live/test_live_session.py live/test_live_stream.py"
+UNITS = "logs/test_sizes_of_units.py logs/test_units_in_headers.py logs/test_units_in_lines.py"
+# file of pipeline/, or pattern of files -> functions and constants whose faults are wrong numbers in silence (ALL: of
+# all that it has), and tests that should see them
 CHOSEN = {
-    **{f"tasks/{kind}.py": ("fit", SELECTION) for kind in ("windows", "images", "series")},
+    "stability/*.py": (ALL, f"stability {SELECTION}"),
+    "tasks/*.py": (ALL, f"{SELECTION} general/test_latency.py general/test_contract_of_models.py"),
+    "base/ranges.py": ("of excess outside of_areas", f"{FITTED} {KEPT}"),
+    "inference/training.py": (ALL, FITTED),
+    "inference/intervals.py": (ALL, INTERVALS),
+    "inference/calibration.py": ("calibrated _bound _coverage _of_series _without_validation _blocks", INTERVALS),
+    "inference/mlflow_runs.py": ("_run evidence look", f"{TRACKED} general/test_tracked_weights.py"),
+    "scoring/published.py": ("number score", TRACKED),
+    "targets/kept.py": ("write trained_on predict _outside", KEPT),
+    "targets/features.py": ("windows statistics firsts columns", f"{KEPT} targets/test_grouped.py"),
+    "studies/counts.py": ("count _row", "general/test_golden.py"),
+    "live/*.py": ("take _predict _evaluated _start _choose_step add fields picture", LIVE),
+    "logs/units.py": (ALL, UNITS),
     "studies/variants.py": ("run fit of_base rows", f"{SELECTION} studies/test_variants.py"),
     "studies/joined_frames.py": ("scores", "studies/test_input_frames.py"),
     "studies/latent.py": ("decoded", f"{SERIES} studies/test_latent.py"),
     "studies/joint_angles.py": ("probe", "experiments/test_glove_recorded.py"),
-    "stability/changed_scene.py": ("_windows_scores _images_scores", SELECTION),
-    "stability/perturbations.py": ("noise", "stability/test_perturbations.py"),
     "learning/training.py": ("run_epochs rate_at", "learning/test_training.py general/test_contract_of_models.py"),
     "learning/regressors.py": ("fit update zero_linear _of_an_epoch", "learning/test_regressors.py"),
     "learning/image_classifier.py": ("augmented train_on", "learning/test_image_classifier.py"),
@@ -57,7 +77,7 @@ CHOSEN = {
     "datasets/specimens.py": ("drawn of_seed number", SPECIMENS),
     "scenes/readout.py": ("column_voltage", "scenes/test_touch_scene.py"),
     "stages/ingest.py": ("_write_frames", "stages/test_touch_ingest.py"),
-    "stages/latency.py": ("prediction_times training_seconds main", "general/test_latency.py"),
+    "stages/latency.py": ("prediction_times training_seconds fastest main", "general/test_latency.py"),
     "scoring/metrics.py": ("touch series overall unless_failed", "scoring/test_metrics.py learning/test_trained.py"),
     "scoring/classification.py": ("scores", "scoring/test_classification.py"),
     "scoring/frame_sets.py": ("drawn_sets", "studies/test_input_frames.py"),
@@ -66,7 +86,7 @@ CHOSEN = {
     "claims/physics.py": ("_change", PAIRING),
     "claims/equivalence.py": ("inside lies_within", VERDICTS),
     "scoring/conformal.py": ("quantile half_width class_threshold class_sets", "scoring/test_conformal.py"),
-    "targets/validate.py": ("tests parts", "targets/test_grouped.py"),
+    "targets/validate.py": ("tests parts final calibrated fitted covered", f"targets/test_grouped.py {KEPT}"),
     "models/rnn.py": ("forward", "general/test_time_order.py"),
     "live/session.py": ("_is_predicted", ONE_LOG),
     "inference/timing.py": ("most_filled between", ONE_LOG),
@@ -84,6 +104,9 @@ NAMES = {"min": "max", "argmin": "argmax", "nanmin": "nanmax", "minimum": "maxim
 NAMES |= {other: name for name, other in NAMES.items()} | {"validation": "test", "test": "validation"}
 
 
+ARRAYS = (ast.Name, ast.Attribute, ast.Subscript)  # what may be an array
+
+
 class Mutant(NamedTuple):
     """A file of the pipeline with one fault, `what`, and the tests that should see it."""
 
@@ -93,9 +116,36 @@ class Mutant(NamedTuple):
     tests: str
 
 
+def faults_of_arguments(call: ast.Call) -> Iterator[ast.AST]:
+    """Yield a call with an argument left out, taken from its neighbour, or with the first axis, time, reversed."""
+    for place, given in enumerate(call.args):
+        beside = call.args[place + 1 : place + 2] or call.args[:place][-1:]
+        others = [
+            other for other in beside if not isinstance(other, ast.Starred) and not isinstance(given, ast.Starred)
+        ]
+        if isinstance(given, ARRAYS):
+            others.append(sliced(given, "[::-1]"))
+        for other in others:
+            if ast.unparse(other) != ast.unparse(given):
+                yield ast.Call(call.func, [*call.args[:place], other, *call.args[place + 1 :]], call.keywords)
+    if len(call.args) > 1:
+        yield ast.Call(call.func, call.args[:-1], call.keywords)
+    for keyword in call.keywords:
+        yield ast.Call(call.func, call.args, [other for other in call.keywords if other is not keyword])
+
+
+def sliced(node: ast.expr, index: str) -> ast.expr:
+    """Return a node with an index, as `[:1]`."""
+    return ast.parse(f"({ast.unparse(node)}){index}", mode="eval").body
+
+
 def faults(node: ast.AST) -> Iterator[ast.AST]:
     """Yield what a node of the syntax tree can be changed to."""
     changed = copy.deepcopy(node)
+    if isinstance(node, ast.Call):
+        yield from faults_of_arguments(node)
+    if isinstance(node, ast.BinOp) and isinstance(node.right, ARRAYS):
+        yield ast.BinOp(node.left, node.op, sliced(node.right, "[:1]"))  # the first row is broadcast
     if isinstance(node, ast.Compare) and type(node.ops[0]) in SWAPPED:
         changed.ops[0] = SWAPPED[type(node.ops[0])]()
     elif isinstance(node, (ast.BinOp, ast.BoolOp)) and type(node.op) in SWAPPED:
@@ -124,19 +174,33 @@ def faults(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def places(tree: ast.Module, file: str, name: str) -> list[ast.AST]:
-    """Return the functions and constants of a file that have a name; ValueError where there is none."""
-    found = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == name]
+    """Return the functions and constants of a file that have a name, of ALL all functions; ValueError without one."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    inner = {node for function in functions for part in function.body for node in ast.walk(part)}
+    found = [node for node in functions if node.name == name or (name == ALL and node not in inner)]
     found += [node for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name]
     if not found:
         raise ValueError(f"pipeline/{file} has no {name}; bring CHOSEN up to date")
     return found
 
 
+def chosen() -> Iterator[tuple[str, list[str], str]]:
+    """Yield each file of CHOSEN, those of a pattern that have one of its names, with these names and the tests."""
+    for pattern, (names, tests) in CHOSEN.items():
+        paths = sorted((ROOT / "pipeline").glob(pattern))
+        for path in paths:
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            of = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+            known = [name for name in names.split() if len(paths) == 1 or name in of or (name == ALL and of)]
+            if known:
+                yield path.relative_to(ROOT / "pipeline").as_posix(), known, tests
+
+
 def mutants(file: str, names: list[str], tests: str) -> Iterator[Mutant]:
     """Yield every mutant of the functions and constants of these names; ValueError where there is none of a name."""
     tree = ast.parse((ROOT / "pipeline" / file).read_text(encoding="utf-8"))
     for name in names:
-        for parent in (inner for node in places(tree, file, name) for inner in ast.walk(node)):
+        for where, parent in ((node, inner) for node in places(tree, file, name) for inner in ast.walk(node)):
             for field, value in ast.iter_fields(parent):
                 if field in ("annotation", "returns", "decorator_list", "ctx", "targets"):
                     continue
@@ -144,7 +208,8 @@ def mutants(file: str, names: list[str], tests: str) -> Iterator[Mutant]:
                     for changed in faults(child) if isinstance(child, ast.AST) else ():
                         new = value[:place] + [changed] + value[place + 1 :] if isinstance(value, list) else changed
                         setattr(parent, field, new)
-                        what = f"{file}:{getattr(child, 'lineno', '?')}, {name}: {ast.unparse(child)} -> "
+                        of = getattr(where, "name", name)
+                        what = f"{file}:{getattr(child, 'lineno', '?')}, {of}: {ast.unparse(child)} -> "
                         source = ast.unparse(ast.fix_missing_locations(tree))
                         yield Mutant(file, what + ast.unparse(changed), source, tests)
                         setattr(parent, field, value)
@@ -179,8 +244,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     made, survivors = [], 0
-    for file, (names, tests) in CHOSEN.items():
-        made += mutants(file, [one for one in names.split() if not given.names or {one, file} & {*given.names}], tests)
+    for file, names, tests in chosen():
+        made += mutants(file, [one for one in names if not given.names or {one, file} & {*given.names}], tests)
     if given.sample and len(made) > given.sample:
         made = random.Random(given.seed).sample(made, given.sample)
     with tempfile.TemporaryDirectory() as place:

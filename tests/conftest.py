@@ -3,9 +3,11 @@
 import functools
 import os
 import pickle
+import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 
 import pytest
@@ -62,13 +64,26 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return True if skipped and "\npytestmark = pytest.mark.slow\n" in collection_path.read_text() else None
 
 
+class LimitTorch(MetaPathFinder):
+    """Finds nothing, but limits the threads of torch once its library is there, where a test is the first to import it.
+
+    A file of tests that needs no torch starts 5 s of a core sooner.
+    """
+
+    def find_spec(self, name, path=None, target=None) -> None:
+        """Limit them when torch imports `torch.nn`, for which it needs its library."""
+        if name == "torch.nn":
+            threadpool_limits(1)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def one_thread():
     """Compute as in the stages, where a sum has one order; and threads of two processes would wait for each other."""
-    import torch  # noqa: F401 - its threads are limited, too, where a test imports it later
-
+    limit = LimitTorch()
+    sys.meta_path.insert(0, limit)
     with threadpool_limits(1):
         yield
+    sys.meta_path.remove(limit)
 
 
 @pytest.fixture

@@ -2,9 +2,13 @@
 
 import ast
 import functools
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from graphlib import TopologicalSorter
+from pathlib import PurePath
 from typing import NamedTuple
 
 import pytest
@@ -118,6 +122,28 @@ def test_reporting_does_not_reach_torch():
             for other in closure(file):
                 packages = {step for name in imported_names(other) for step in name.split(".")}
                 assert "torch" not in packages, f"{file} comes to {other}, which imports torch"
+
+
+WITH_NETWORKS = {"models", "learning", "inference", "live", "studies"}  # rooms whose files may import torch at once
+WITHOUT_TORCH = """
+import importlib, sys
+import pytest
+assert pytest.main(["-q", "-p", "no:cacheprovider", sys.argv[1]]) == 0
+for name in ["conftest", *sys.argv[2:]]:
+    importlib.import_module(name)
+    assert "torch" not in sys.modules, name + " imports torch"
+"""
+
+
+def test_torch_is_imported_where_a_network_is_used():
+    """It takes 5 s of a core: no command and no file of tests waits for it that computes with none."""
+    names = [file[:-3].replace("/", ".") for file in CODE if room(file) not in WITH_NETWORKS]
+    command = [sys.executable, "-c", WITHOUT_TORCH, "tests/base/test_provenance.py", *names]
+    environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}", "PYTEST_ADDOPTS": "-n 0"}
+    for variable in [name for name in environment if name.startswith("PYTEST_XDIST")]:
+        del environment[variable]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0 and len(names) > 100, (done.stdout + done.stderr)[-1000:]
 
 
 class Entry(NamedTuple):
@@ -311,10 +337,14 @@ def test_an_import_by_name_is_not_a_constant_in_disguise():
 
 
 def test_functions_that_get_faults_and_their_tests_are_there():
-    for file, (names, tests) in mutation.CHOSEN.items():
+    found = list(mutation.chosen())
+    for file, names, tests in found:
         tree = ast.parse((ROOT / "pipeline" / file).read_text(encoding="utf-8"))
-        assert all(mutation.places(tree, file, name) for name in names.split())  # else it says which
-        assert all((ROOT / "tests" / test).is_file() for test in tests.split()), tests
+        assert all(mutation.places(tree, file, name) for name in names)  # else it says which
+        assert all((ROOT / "tests" / test).exists() for test in tests.split()), tests
+    for pattern, (names, tests) in mutation.CHOSEN.items():
+        known = {name for file, each, of in found if of == tests and PurePath(file).match(pattern) for name in each}
+        assert known == set(names.split()), pattern
 
 
 TRAINS = {"test_adding.py", "test_contract_of_models.py"}  # files of tests/general that train or run stages

@@ -129,7 +129,7 @@ def test_a_stage_ends_with_the_dvc_that_started_it():
     assert starter.stdout.readline() == "1\n"
     starter.kill()
     starter.wait()
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 120
     while alive(stage):
         assert time.monotonic() < deadline, "the stage still runs"
         time.sleep(0.05)

@@ -13,7 +13,6 @@ from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images
-from pipeline.models import press_difference
 from pipeline.own.logs import on_a_line
 from pipeline.settings.targets import Asked
 
@@ -153,6 +152,8 @@ def _following(experiment: str, block: Mapping, seeds: Sequence[int]) -> dict:
     if kind == "series":
         protocols = dict.fromkeys(block["sensor"].get("tasks") or protocols, each)
         if block["sensor"].get("pressed_below_mm") is not None:
+            from pipeline.models import press_difference  # here, because the import of torch takes seconds
+
             known[OF_PRESSES] = TREES | {"press": block["window"]["frames"] - max(press_difference.REST)}
     if kind == "images":
         changed[f"{experiment}.window.stride"] = 1

@@ -70,7 +70,7 @@ def takes(memory):
 
 
 def sleeps():
-    time.sleep(60)
+    time.sleep(600)
 
 
 def refuses():
@@ -115,7 +115,7 @@ def test_a_crash_and_a_reader_without_end_are_sentences(ends):
         InputError, match=r"not whole \(it crashes the reader\)|takes more than 2 s to read; get it again"
     ):
         apart(ends, seconds=2)
-    assert time.monotonic() - begun < 20 and apart(number)
+    assert time.monotonic() - begun < 300 and apart(number)
 
 
 def test_an_answer_that_nobody_waits_for_is_not_the_next_ones(monkeypatch):

@@ -6,7 +6,7 @@ import tty
 from collections.abc import Callable
 from pathlib import Path
 
-WAIT_S = 20  # longest wait of a test for something to happen
+WAIT_S = 120  # longest wait of a test for something to happen: a busy machine takes a while, a hang for ever
 
 
 class Device:

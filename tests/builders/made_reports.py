@@ -266,11 +266,10 @@ def glove(workspace, settings: dict, experiment: str = "glove") -> tuple:
         "recording": pa.array([f"session{k:02d}" for k in session]).dictionary_encode(),
         "label": pa.array(label.astype(np.int16)),
     }
-    for dataset in images.MODALITIES:
-        pixels = rng.integers(0, 256, (len(label), images.SIDE**2)).astype(np.uint8)
-        columns[dataset] = schemas.lists(pixels, pa.uint8())
+    shape = len(label), images.SIDE, images.SIDE
+    pictures = {dataset: rng.integers(0, 256, shape).astype(np.uint8) for dataset in images.MODALITIES}
     part = np.where(session < 2, "train", np.where(session < 3, "validation", "test"))
-    made = pa.table(columns), part, np.eye(len(OBJECTS))[label]
+    made = images.with_pictures(pa.table(columns), pictures), part, np.eye(len(OBJECTS))[label]
     metrics = lambda protocol: {images.modality(protocol): ["macro_precision", "accuracy"]}  # noqa: E731
     workspace.experiment_folder(experiment).mkdir(parents=True, exist_ok=True)
     if experiment == "glove_recorded":

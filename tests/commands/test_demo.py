@@ -59,9 +59,9 @@ def test_the_demo_replays_on_the_live_page():
     process = subprocess.Popen([*DEMO, "--live", "--http-port", "0"], cwd=ROOT, stderr=subprocess.PIPE, text=True)
     try:
         address = next(line.split()[0] for line in process.stderr if line.startswith("http://127.0.0.1"))
-        with urllib.request.urlopen(address, timeout=30) as page:
+        with urllib.request.urlopen(address, timeout=120) as page:
             assert b"<title>" in page.read()
     finally:
         process.terminate()
-        said = process.communicate(timeout=30)[1]
+        said = process.communicate(timeout=120)[1]
     assert "lines rejected" in said

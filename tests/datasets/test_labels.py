@@ -1,12 +1,14 @@
 """Labels: equation 1 of the LoMP paper."""
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.datasets import labels
+from pipeline.datasets import labels, schemas
+from pipeline.experiments import touch
 
 
 @pytest.fixture
@@ -50,3 +52,27 @@ def test_cells_wider_than_the_tip_are_refused():
     with pytest.raises(InputError, match=r"map_cols: cells of 10 mm are wider than the tip \(8 mm"):
         labels.check_cells(sensor, label | {"map_rows": 48, "tip_radius_by_condition_mm": {"small": 4.0}})
     labels.check_cells({"rows": 1, "cols": 1, "pitch_mm": 20.0}, label | {"map_rows": 1, "map_cols": 1})
+
+
+def test_each_touch_of_two_tips_has_the_label_of_its_own(settings):
+    """By hand, eq. 1: force over the area of the tip that made it, spread by half its radius, whatever the order."""
+    label = settings["label"] | {"tip_radius_mm": 5.0, "tip_radius_by_condition_mm": {"small": 2.5}}
+    rng, names = np.random.default_rng(0), ["small", "single", "small", "double", "single"]
+    centres = 1.5 + 3 * np.arange(20)
+    force, (x, y) = rng.uniform(5, 40, (5, 2)), rng.choice(centres, (2, 5, 2))
+    second = np.array(names) == "double"
+    for values in (force, x, y):
+        values[~second, 1] = np.nan
+    columns = {
+        name: schemas.lists(values, pa.float32()) for name, values in {"force_n": force, "x_mm": x, "y_mm": y}.items()
+    }
+    table = pa.table({"condition": pa.array(names).dictionary_encode(), **columns})
+    found = touch.labels(table, settings | {"label": label}).reshape(5, 20, 20)
+    for k, name in enumerate(names):
+        radius, wanted = {"small": 2.5}.get(name, 5.0), np.zeros((20, 20))
+        for force_n, x_mm, y_mm in zip(force[k], x[k], y[k], strict=True):
+            if np.isfinite(force_n):
+                away = (centres - x_mm)[None, :] ** 2 + (centres - y_mm)[:, None] ** 2
+                peak = 1000 * force_n / (np.pi * radius**2)  # N / mm2 are MPa
+                wanted += peak * np.exp(-away / (2 * (radius / 2) ** 2))
+        np.testing.assert_allclose(found[k], wanted, rtol=1e-4, atol=1e-3, err_msg=name)

@@ -178,10 +178,10 @@ def test_a_cut_or_damaged_file_is_one_sentence(share, tmp_path):
 def test_a_short_file_that_grows_is_refused_before_it_fills_the_memory(tmp_path):
     path = save(tmp_path, bytes(200 << 20))
     assert path.stat().st_size < 1000
-    started = time.monotonic()
+    started = time.process_time()
     with pytest.raises(InputError, match="more than the 16777216 bytes that a grasp can have"):
         read_recording(path, SETTINGS)
-    assert time.monotonic() - started < 10
+    assert time.process_time() - started < 10
 
 
 def test_no_document_type_in_any_encoding_gets_through(tmp_path):

@@ -6,12 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
-from builders import random_models
+from builders import made_reports, random_models
 from builders.project import ROOT
 
 from pipeline import tasks
 from pipeline.base import params
+from pipeline.datasets import schemas
 from pipeline.inference import describer, onnx_network, predictor
 from pipeline.stages import latency
 from pipeline.tasks import windows
@@ -117,18 +119,61 @@ def test_times_are_of_all_rounds_and_of_the_threads_that_the_table_names(workspa
     assert tuple(row[["params", "macs", "train_s", "size_bytes"]]) == (5, 6, 2.0, 100)
 
 
-@pytest.mark.parametrize("key", ["cnn", "lstm_direct"])
-def test_the_timer_runs_a_real_network_from_raw_readings_to_its_unit(key, workspace, tmp_path, monkeypatch):
-    """Scaling of inputs and outputs is inside of what is timed: it says what the model says, of counts or of volts."""
+OF_KIND = {"touch": (40, 200, (6, 3, 6)), "strain": (1.5, 2.5, (6, 3)), "glove": (0, 255, (6, 1, 1024))}
+
+
+@pytest.mark.parametrize("key", ["cnn", "lomp", "lomp_stream", "lstm_direct", "ridge", "resnet3x3"])
+def test_the_timer_runs_a_model_from_raw_readings_to_its_unit(key, workspace, tmp_path, monkeypatch):
+    """It hands over readings as they are, and is told what the model says of them: all scaling is inside of it."""
     saved = predictor.load(random_models.save(key, tmp_path))
     monkeypatch.setattr(describer.Describer, "__init__", lambda *given: None)
     monkeypatch.setattr(describer.Describer, "without_scores", lambda *given, **named: saved.card)
-    rng, experiment = np.random.default_rng(0), random_models.CASES[key].experiment
-    x = rng.uniform(40, 200, (6, 3, 6)) if key == "cnn" else rng.uniform(1.5, 2.5, (6, 3))
-    x = x.astype(np.float32)
+    experiment = random_models.CASES[key].experiment
+    low, high, shape = OF_KIND[experiment]
+    x = np.random.default_rng(0).uniform(low, high, shape).astype(np.float32)
+    raw = x[:, -1] if key == "lomp_stream" else x  # a stream is told each frame once
     predict, inputs = latency.fastest(workspace, {}, experiment, "press", 0, {key: saved.model}, x)[key]
-    assert isinstance(predict.__self__, onnx_network.OnnxNetwork)
-    one_by_one = np.concatenate([predict(inputs[k : k + 1]) for k in range(6)]).reshape(6, -1)
-    wanted = saved.model.predict(x)
-    assert np.ptp(wanted, axis=0).min() > 1e-2
-    np.testing.assert_allclose(one_by_one, wanted, rtol=1e-4, atol=1e-3)
+    if key in ("cnn", "lstm_direct", "resnet3x3"):
+        assert isinstance(predict.__self__, onnx_network.OnnxNetwork)
+    given, told = [], []
+    noted = lambda part: (given.append(part), told.append(predict(part)))  # noqa: E731
+    latency.prediction_times(noted, inputs, 1, {"warm_up": 0, "calls": 6, "rounds": 1})
+    given, told = np.concatenate(given), np.concatenate(told).reshape(6, -1)
+    if key == "lstm_direct":  # in the columns of a log
+        assert not given[:, [1, 3]].any()
+        given = given[:, random_models.CHOSEN]
+    np.testing.assert_array_equal(given, raw)
+    wanted = saved.model.predict(raw[None] if key == "lomp_stream" else x).reshape(-1, told.shape[1])
+    assert np.ptp(told, axis=0).max() > 1e-2
+    np.testing.assert_allclose(told[-len(wanted) :], wanted, rtol=1e-3, atol=2e-3 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(("column", "experiment"), [("x", "touch"), ("v", "strain"), ("pressure", "glove")])
+def test_what_is_timed_are_the_readings_of_the_test_part(column, experiment, workspace, monkeypatch):
+    """As the dataset's file has them, of the first run, in turn, whatever the batch."""
+    settings = made_reports.settings_of(experiment)
+    settings["sensor"]["channels"] = 4  # of strain
+    run = next(iter(settings["protocols"])), 0
+    made_reports.write(workspace, experiment, settings)
+    table = pq.read_table(workspace.dataset(experiment))
+    values, of_models = params.load(ROOT / "params.yaml") | {experiment: settings}, []
+    monkeypatch.setattr(params, "load", lambda _: values)
+    monkeypatch.setattr("sys.argv", ["latency", experiment])
+    monkeypatch.setattr(latency, "why_not_run", lambda *given: None)
+    model = SimpleNamespace(parameters=lambda: 5, macs=lambda: 6)
+    monkeypatch.setattr(tasks, "load", lambda *arguments: SimpleNamespace(model=model))
+    timed = lambda *given: of_models.append(given[-1]) or dict.fromkeys(given[-2], (None, given[-1]))  # noqa: E731
+    monkeypatch.setattr(latency, "fastest", timed)
+    batches = []
+    monkeypatch.setattr(
+        latency, "prediction_times", lambda predict, x, batch, _: batches.append((batch, x)) or np.ones(3)
+    )
+    latency.main(workspace)
+    of_test = np.array(table[schemas.split_column(*run)].to_pylist()) == "test"
+    if experiment == "strain":  # a recording of the task
+        of_test &= np.array(table["condition"].to_pylist()) == run[0]
+    raw = np.array(table[column].to_pylist())[of_test].astype(float)
+    (x,) = of_models
+    assert len(raw) > 3 and np.ptp(raw) > 0
+    np.testing.assert_array_equal(np.asarray(x, float).reshape(len(x), -1)[: len(raw)], raw.reshape(len(raw), -1))
+    assert {batch for batch, _ in batches} == {1, 4} and all(given is x for _, given in batches)

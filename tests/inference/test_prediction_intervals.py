@@ -19,7 +19,6 @@ from pipeline.learning.trained import Trained
 from pipeline.live import outputs, server
 from pipeline.live.session import Prediction
 from pipeline.live.source import Reading
-from pipeline.scoring import conformal
 from pipeline.tasks import series as series_task
 
 
@@ -194,16 +193,23 @@ def strain(tmp_path, monkeypatch):
     return workspace, {"strain": settings, "device": "cpu"}, card, error[part == "validation"]
 
 
-def test_a_model_is_calibrated_on_the_presses_of_its_validation_part_alone(strain):
+def test_a_model_is_calibrated_on_the_presses_of_its_validation_part_alone(strain, tmp_path, monkeypatch):
     workspace, values, card, errors = strain
     given = calibration.calibrated(workspace, values, card, refit=True).calibration
     x, y = given.bounds
     assert (x.output, y.output, x.groups, x.rows, given.group) == ("x_mm", "y_mm", 100, 1000, "press")
-    assert x.value == pytest.approx(conformal.half_width(errors, np.arange(1000) // 10)) and y.value == 0
+    by_hand = np.sort(errors)[int(np.ceil(0.9 * 101 * 10)) - 1]  # 100 presses of 10 samples, of which each weighs 1/101
+    assert x.value == pytest.approx(by_hand) and y.value == 0
     (covered,) = [each for each in given.coverage if each.output == "x_mm"]
     assert covered.condition == "task_2" and covered.groups == 100 and covered.rows == 1000
     assert 0.75 < covered.share < 0.99 and covered.low < covered.share < covered.high
     assert covered.width == pytest.approx(2 * x.value)
+    monkeypatch.undo()
+    package = tmp_path / "model"
+    cards.write(package, cards.read(package).model_copy(update={"calibration": given}))
+    said = predictor.load(package).intervals(np.array([[4.0, 7.0]]), np.full((1, 5), 2.0))
+    wanted = {"x_low_mm": 4 - by_hand, "x_high_mm": 4 + by_hand, "y_low_mm": 7, "y_high_mm": 7}
+    assert {name: float(values[0]) for name, values in said.items()} == pytest.approx(wanted)
 
 
 def test_a_model_that_was_fitted_to_its_validation_part_is_fitted_again_without_it_once(strain, monkeypatch):

@@ -74,7 +74,7 @@ def test_a_minute_at_1000_lines_a_second_loses_nothing(tmp_path, tab):
         until(lambda: log.read_bytes().count(b"\n") == sent)
     finally:
         process.terminate()
-        _, said = process.communicate(timeout=30)
+        _, said = process.communicate(timeout=120)
     share, start = 100 * (after[0] - before[0]) / SECONDS, marks[0][1]  # MB after 10 s
     print(said)
     lines, predictions, rejected = map(

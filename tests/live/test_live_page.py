@@ -28,7 +28,7 @@ def ended(process: subprocess.Popen) -> tuple[str, str]:
     """Ask a process to end, and return what it printed."""
     process.terminate()
     try:
-        return process.communicate(timeout=30)
+        return process.communicate(timeout=120)
     finally:
         process.kill()
 
@@ -107,7 +107,7 @@ def test_a_replay_ends_by_itself(tmp_path, package):
     log = tmp_path / "array.log"
     log.write_bytes(printed(press(100)))
     process = command(str(package("linear")), "--replay", str(log), "--speed", "10", "--csv")
-    said, notes = process.communicate(timeout=60)
+    said, notes = process.communicate(timeout=120)
     rows = np.array([line.split(",")[0] for line in said.splitlines()[1:]], float)
     assert process.returncode == 0 and len(rows) == 96 and (np.diff(rows) > 0).all()
     assert "100 lines, 100 predictions, 0 lines rejected; line to prediction" in notes

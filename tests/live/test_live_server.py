@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders.devices import until
+from builders.devices import WAIT_S, until
 from builders.live_models import press, printed
 from builders.project import ROOT
 
@@ -32,7 +32,7 @@ class Client:
 
     def __init__(self, port: int):
         self.port, self.rest, self.method = port, b"", ""
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=10)
+        self.socket = socket.create_connection(("127.0.0.1", port), timeout=WAIT_S)
 
     def send(self, method: str, path: str, body: bytes | None = None, **headers: str | None) -> "Client":
         """Send a request whose headers are HOST, LENGTH and those given; None: without it."""
@@ -220,7 +220,7 @@ def test_a_body_is_refused_before_it_is_read(method, path, headers, page, client
     one = client().send(method, path, None, Origin=f"http://127.0.0.1:{page.port}", **headers)
     status, said = one.answer()
     assert status in (400, 411, 413) and said["connection"] == "close"
-    until(one.is_closed, 5)
+    until(one.is_closed)
 
 
 def test_a_large_body_takes_no_memory(page, client):
@@ -285,7 +285,7 @@ def test_times_are_of_0_to_60_seconds(page, client):
     for arrived_s in (now - 0.5, now - 3600, now + 3600, 0, -1e15, 1e15):
         assert drawn(client, page, GOOD | {"viewer": name, "arrived_s": arrived_s}) == 204
     first, *others = page.to_picture_ms
-    assert 500 <= first < 5000
+    assert 500 <= first <= 500 + 1000 * (time.monotonic() - now)
     assert others[0] == others[3] == 60_000 and others[1] == others[4] == 0
     assert client().send("GET", "/pictures").answer()[0] == 200
 
@@ -346,11 +346,11 @@ def test_no_more_than_64_connections_open_a_page(page, client):
     assert client().send("GET", "/page.js").answer()[0] == 200
     assert drawn(client, page, GOOD | {"viewer": name}) == 204
     many = [client() for _ in range(5 * server.SPARE)]
-    until(lambda: sum(one.is_closed() for one in many) >= 4 * server.SPARE, 5)
+    until(lambda: sum(one.is_closed() for one in many) >= 4 * server.SPARE)
     assert len(page._server.server_state.connections) <= server.MOST + server.SPARE
     for one in [*opened, *many]:
         one.socket.close()
-    until(lambda: client().send("GET", "/").answer()[0] == 200, 5)
+    until(lambda: client().send("GET", "/").answer()[0] == 200)
 
 
 @pytest.mark.parametrize(
@@ -362,24 +362,25 @@ def test_a_request_that_does_not_end_is_let_go(begun, monkeypatch, client):
     monkeypatch.setattr(server, "REQUEST_S", 1.0)
     one, began = client(), time.monotonic()
     one.socket.sendall(begun)
-    while not one.is_closed() and time.monotonic() < began + 10:
+    while not one.is_closed():
+        assert time.monotonic() < began + WAIT_S, "it is kept"
         with contextlib.suppress(ConnectionError):
             one.socket.sendall(b"x")
         time.sleep(0.1)
-    assert 0.5 < time.monotonic() - began < 5
+    assert time.monotonic() - began > 0.5
 
 
 def test_a_body_that_does_not_come_is_let_go(page, monkeypatch, client):
     monkeypatch.setattr(server, "REQUEST_S", 1.0)
     one = client().send("POST", "/drawn", None, Content_Length="500", Origin=f"http://127.0.0.1:{page.port}")
-    until(one.is_closed, 5)
+    until(one.is_closed)
 
 
 def test_a_body_that_breaks_off_is_no_error(page, client):
     one = client().send("POST", "/drawn", None, Content_Length="500", Origin=f"http://127.0.0.1:{page.port}")
-    until(lambda: len(page._server.server_state.tasks) == 1, 5)
+    until(lambda: len(page._server.server_state.tasks) == 1)
     one.socket.close()
-    until(lambda: not page._server.server_state.tasks, 5)
+    until(lambda: not page._server.server_state.tasks)
 
 
 def test_a_viewer_that_listens_is_kept(page, monkeypatch, client):
@@ -399,7 +400,7 @@ def test_a_viewer_that_says_no_word_is_let_go(page, monkeypatch, client):
     assert one.answer()[0] == 200
     assert [one.event()[0], one.event()[0]] == ["model", "picture"] and len(page._viewers) == 1
     page.add(page.predictions[-1]._replace(number=1000))
-    until(lambda: not page._viewers, 5)
+    until(lambda: not page._viewers)
 
 
 def test_a_page_gets_pictures_as_long_as_it_says_so(page, monkeypatch, client):
@@ -413,15 +414,15 @@ def test_a_page_gets_pictures_as_long_as_it_says_so(page, monkeypatch, client):
         page.add(page.predictions[-1]._replace(number=number + jump))
         number = one.event()[1]["number"]
         assert drawn(client, page, {"viewer": name, "number": number, "arrived_s": None}) == 204
-    for _ in range(6):
+    for place in range(6):
         number += 1
         page.add(page.predictions[-1]._replace(number=number))
-        time.sleep(0.1)
-    assert [one.event()[1]["number"] for _ in range(3)] == [number - 5, number - 4, number - 3]
+        if place < 3:  # AHEAD of the page's word
+            assert one.event()[1]["number"] == number
     one.socket.settimeout(0.3)
     with pytest.raises(TimeoutError):
         one.event()
-    one.socket.settimeout(10)
+    one.socket.settimeout(WAIT_S)
     assert drawn(client, page, {"viewer": name, "number": number - 5, "arrived_s": None}) == 204
     assert one.event()[1]["number"] == number, "the newest"
 

@@ -2,7 +2,6 @@
 
 import argparse
 import copy
-import time
 from collections import Counter
 
 import numpy as np
@@ -15,6 +14,7 @@ from pipeline.base.errors import InputError
 from pipeline.commands import live
 from pipeline.experiments import touch
 from pipeline.inference import card as cards
+from pipeline.live import source
 from pipeline.live.source import Lines, line_format, line_layout, replay
 
 
@@ -73,12 +73,16 @@ def test_noise_is_not_said_to_be_another_sensor(lines):
         lines.take(b"\n" + b"1000,1,2\n" * (2 * lines.count))
 
 
-def test_a_log_is_replayed_at_its_speed(tmp_path, lines):
-    log = tmp_path / "array.log"
+def test_a_log_is_replayed_at_its_speed(tmp_path, lines, monkeypatch):
+    log, now = tmp_path / "array.log", [7.0]
     log.write_bytes(printed(press(26)))
-    began = time.monotonic()
-    assert b"".join(replay(log, lines.format, False, speed=2)) == log.read_bytes()
-    assert 0.25 <= time.monotonic() - began < 5, "half a second at twice the speed"
+    monkeypatch.setattr(source.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(source.time, "sleep", lambda wait_s: now.append(now.pop() + wait_s))
+    due_s = []
+    for line in replay(log, lines.format, False, speed=2):
+        assert line == log.read_bytes().splitlines(keepends=True)[len(due_s)]
+        due_s.append(now[0] - 7)
+    np.testing.assert_allclose(due_s, np.arange(26) * 0.02 / 2, atol=1e-9)
     with pytest.raises(InputError, match="log not found"):
         next(replay(tmp_path / "other.log", lines.format, False))
 

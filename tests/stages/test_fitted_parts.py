@@ -7,18 +7,21 @@ networks stop by and intervals are calibrated on: closed forms, ranges and level
 
 import shutil
 from collections.abc import Mapping
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from builders import made_reports
 
-from pipeline import tasks
+from pipeline import models, tasks
 from pipeline.base import params
 from pipeline.base.paths import MODEL_ZERO, Workspace
 from pipeline.datasets import schemas
-from pipeline.inference import calibration, channels
+from pipeline.inference import calibration, channels, training
 from pipeline.inference.describer import Describer
+from pipeline.learning.trained import Trained
 from pipeline.stability import loop
 from pipeline.stages import train
 
@@ -141,3 +144,52 @@ def test_what_is_fitted_does_not_see_a_part_that_it_must_not(experiment, part, a
         if experiment == "strain":  # solved models of series are fitted to both parts, as in the paper
             may_move |= {name for name in after if name.endswith((".safetensors", ".skops"))}
     assert sorted(moved - may_move) == [] and moved & may_move
+
+
+QUICK = {"touch": ["constant", "linear"], "strain": ["constant", "ridge"], "glove": ["naive_bayes", "tree"]}
+CHANNELS = {"touch": 9, "strain": 4}
+
+
+def quickly(workspace: Workspace, settings: Mapping, experiment: str) -> dict[str, object]:
+    """Return what closed forms that are fitted to a small dataset say, the ranges of their training, the force gain."""
+    (protocol, seed), path, task = RUNS[experiment], workspace.dataset(experiment), tasks.of(experiment)
+    found = {}
+    for name in QUICK[experiment]:
+        block = params.load(made_reports.ROOT / "params.yaml")[experiment]["models"][name]
+        build = lambda spec, name=name, block=block: models.build(name, spec, block, "test")  # noqa: E731
+        model = task.fit(path, experiment, settings, protocol, seed, build, device="cpu").model
+        shape = task.stream(path, experiment, settings, protocol, seed)[1].shape[1:]
+        given = np.random.default_rng(0).uniform(0, 900, (40, *shape)).astype(np.float32)
+        found[name] = model.predict(given).tolist()
+        load = lambda *run, model=model: Trained(model, failed=False)  # noqa: E731
+        for *_, tests in task.tested(path, experiment, settings, [(protocol, seed)], load):
+            rows = [row for *_, scored in tests for row in scored]
+            found[f"{name}: force gain"] = {(*row[:2], row[3]) for row in rows if row[1] == "force_gain"}
+    if columns := CHANNELS.get(experiment):
+        inputs = SimpleNamespace(columns=columns, chosen=list(range(columns)))
+        card = dict(experiment=experiment, kind=tasks.kind(experiment), protocol=protocol, seed=seed, inputs=inputs)
+        found["ranges"] = training.trained_on(workspace, settings, SimpleNamespace(**card))
+    return found
+
+
+@pytest.mark.parametrize("part", ["test", "train"])
+@pytest.mark.parametrize("experiment", RUNS)
+def test_what_is_fitted_in_a_moment_does_not_see_the_test_part(experiment, part, workspace, monkeypatch):
+    """As above, at once: closed forms on a made dataset. Another training part changes them."""
+    settings = made_reports.settings_of(experiment)
+    settings["sensor"]["channels"] = CHANNELS["strain"]
+    made_reports.write(workspace, experiment, settings)
+    monkeypatch.setitem(RUNS, experiment, (next(iter(settings["protocols"])), 0))
+    path, split = workspace.dataset(experiment), schemas.split_column(*RUNS[experiment])
+    table = pyarrow.parquet.read_table(path)
+    parts = np.array(["train", "train", "validation", "test"])[np.random.default_rng(0).integers(0, 4, len(table))]
+    if experiment == "strain":  # in the order of time
+        parts = np.array(["train", "train", "validation", "test"])[np.arange(len(table)) * 4 // len(table)]
+    column = pa.array(parts.tolist()).dictionary_encode()
+    table = table.set_column(table.column_names.index(split), split, column)
+    pyarrow.parquet.write_table(table, path)
+    before = quickly(workspace, settings, experiment)
+    pyarrow.parquet.write_table(exchange(table, np.flatnonzero(parts == part)), path)
+    after = quickly(workspace, settings, experiment)
+    changed = {name for name in after if after[name] != before[name]}
+    assert not changed if part == "test" else changed >= {QUICK[experiment][-1]} | ({"ranges"} & after.keys())
