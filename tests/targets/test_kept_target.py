@@ -6,10 +6,10 @@ import pytest
 from builders.project import ROOT
 from sklearn.dummy import DummyRegressor
 
+from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.paths import Workspace
 from pipeline.commands import targets
-from pipeline.logs.formats import LOGS
 from pipeline.settings.targets import Target
 from pipeline.targets import kept, models
 from pipeline.targets.models import Row
@@ -41,7 +41,7 @@ def saved(folder, data: Data, experiment: str = "strain") -> kept.Kept:
     block = SETTINGS[experiment] | {"sensor": {"channels": data.series[0].reading.shape[1]}}
     for each in data.series:
         (folder / "logs" / each.name).mkdir(parents=True)
-        (folder / "logs" / each.name / LOGS[experiment]).write_text(each.name)
+        (folder / "logs" / each.name / experiments.log_name(experiment)).write_text(each.name)
     effort = targets.Effort(4000, 5)
     made = targets.section("joint", data, [], effort)
     (folder / "model").mkdir()

@@ -11,7 +11,7 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, NullLocat
 from pipeline.claims.sizes import NAMES, SCALES, Reference, error_of, unit_of
 from pipeline.reporting.figures import style
 from pipeline.reporting.words.labels import model_name, task_name
-from pipeline.scoring.ladders import FAMILIES
+from pipeline.scoring.studies import FAMILIES
 
 LEAST = 0.6  # of the smallest error is where the axis ends: a longer interval runs out of the panel
 
