@@ -31,7 +31,6 @@ from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
 from pipeline.datasets.windows import Dataset, read_dataset
-from pipeline.learning.regressors import Spec
 from pipeline.scenes import touch_stress
 from pipeline.scoring import metrics
 from pipeline.stability import run
@@ -183,8 +182,8 @@ class Run(run.Run):
                     yield tested, [row for row in metrics.unless_failed(found, self.failed) if row[0] in REPORTED]
 
 
-def dataset(path: Path, spec: Spec) -> Dataset:
-    """Read a dataset, once for all runs of a process."""
+def dataset(path: Path, spec) -> Dataset:
+    """Read a dataset, once for all runs of a process; spec: the shapes of the task."""
     return _read(path, spec.frames, spec.elements, path.stat().st_mtime_ns)
 
 
