@@ -5,11 +5,15 @@ CGPM 1901) and NIST Special Publication 811, appendix B.
 """
 
 import datetime
+import decimal
 import math
 
 import pytest
 
-from pipeline.logs import units
+from pipeline.experiments import strain, touch
+from pipeline.logs import parse, units
+from pipeline.logs.formats import Column
+from pipeline.own import logs as own_logs
 
 GRAVITY = 9.80665
 SIZES = {
@@ -76,3 +80,83 @@ def test_absolute_times_count_from_their_dates():
     days_of_year_one = (later - datetime.date(1, 1, 1)).days
     wanted["days as MATLAB counts them (datenum)"] = (days_of_year_one + YEAR_ZERO_DAYS + 1) * 86_400
     assert zeros == wanted
+
+
+OHMS = {"sensor": {"channels": 3, "unit": "ohm", "tasks": {}}}
+LOGS = {  # quantity -> format of a log, its columns as a header names them
+    "force": (touch.LOAD_CELL, ["Fz"]),
+    "length": (touch.CNC, ["x", "y", "z"]),
+    "voltage": (strain.formats({"sensor": {"channels": 3, "tasks": {}}})["daq.log"], ["u0", "u1", "u2"]),
+    "resistance": (strain.formats(OHMS)["daq.log"], ["u0", "u1", "u2"]),
+}
+PRINTED = {  # what a log prints, and what that is in N, mm, V, ohm, us, deg, kPa
+    "force": {
+        **{"N": ("12.5", 12.5), "mN": ("12.5", 0.0125), "kN": ("0.0125", 12.5), "MN": ("0.000125", 125.0)},
+        **{"uN": ("12500000", 12.5), "cN": ("125", 1.25), "daN": ("1.25", 12.5), "dyn": ("125000", 1.25)},
+        **{"lbf": ("2.5", 11.12055403815125), "lb": ("1.25", 5.560277019075625)},
+        **{"ozf": ("4", 1.112055403815125), "oz": ("8", 2.22411080763025), "kgf": ("1.5", 14.709975)},
+        **{"kg": ("0.5", 4.903325), "gf": ("250", 2.4516625), "g": ("12.5", 0.122583125)},
+        **{"mgf": ("50000", 0.4903325), "mg": ("20000", 0.196133), "tonne": ("0.0125", 122.583125)},
+    },
+    "length": {
+        **{"mm": ("12.5", 12.5), "cm": ("1.25", 12.5), "dm": ("0.125", 12.5), "m": ("0.0125", 12.5)},
+        **{"um": ("125", 0.125), "in": ("0.5", 12.7), "inch": ("1.5", 38.1), "ft": ("0.25", 76.2)},
+        **{"mil": ("500", 12.7), "thou": ("250", 6.35)},
+    },
+    "voltage": {
+        **{"V": ("1.25", 1.25), "mV": ("12.5", 0.0125), "uV": ("12.5", 0.0000125), "nV": ("125", 0.000000125)},
+        **{"kV": ("0.00125", 1.25), "MV": ("0.00000125", 1.25)},
+    },
+    "resistance": {"ohm": ("12.5", 12.5), "mohm": ("12.5", 0.0125), "kohm": ("1.25", 1250), "Mohm": ("0.125", 125000)},
+    "time": {
+        **{"ns": ("20000000", 20000), "us": ("20000", 20000), "ms": ("20", 20000), "s": ("0.02", 20000)},
+        **{"min": ("0.0005", 30000), "h": ("0.00001", 36000), "d": ("0.000001", 86400), "100ns": ("200000", 20000)},
+    },
+    "angle": {"deg": ("12.5", 12.5), "rad": ("0.5", 28.64788975654116), "mrad": ("100", 5.729577951308232)},
+    "pressure": {
+        **{"Pa": ("1250", 1.25), "hPa": ("12.5", 1.25), "kPa": ("12.5", 12.5), "MPa": ("0.0125", 12.5)},
+        **{"bar": ("0.5", 50), "mbar": ("12.5", 1.25), "psi": ("2", 13.789514586336722)},
+        **{"mmHg": ("10", 1.33322387415), "N/mm2": ("0.0125", 12.5), "N/cm2": ("1.25", 12.5)},
+    },
+}
+EXACT = 1e-12  # of the true value
+
+
+def test_every_unit_has_a_printed_value():
+    assert {of: set(rows) for of, rows in PRINTED.items()} == {of: set(sizes) for of, sizes in SIZES.items()}
+
+
+def read(path, fmt, header, rows):
+    """Return what is read of a log of words; `tactile check` proposes its layout."""
+    path.write_text("\n".join(",".join(row) for row in [header, *rows]) + "\n")
+    layout = own_logs.proposed("touch", path, fmt, {"ingest": {"max_reject_fraction": 0.01}}, None).layout
+    return parse.read_log(path, fmt, layout=layout)[0]
+
+
+@pytest.mark.parametrize(("quantity", "unit"), [(of, unit) for of in LOGS for unit in PRINTED[of]])
+def test_a_printed_reading_is_its_true_value(quantity, unit, tmp_path):
+    """The first line prints the value, those that follow a thousandth of it more each."""
+    (fmt, names), (printed, true) = LOGS[quantity], PRINTED[quantity][unit]
+    values = [format(decimal.Decimal(printed) * (1000 + k) / 1000, "f") for k in range(200)]
+    stamps = [f"{0.02 * k:.2f}" if fmt.time == "t_s" else str(20_000 * k) for k in range(1, 201)]
+    rows = [[at, *[value] * len(names)] for at, value in zip(stamps, values, strict=True)]
+    found = read(tmp_path / "a.log", fmt, [fmt.time, *(f"{name} ({unit})" for name in names)], rows)
+    for column in fmt.names[1:]:
+        given = found[column].to_numpy()
+        assert given[0] == pytest.approx(true, rel=EXACT, abs=0)
+        assert given[100] == pytest.approx(1.1 * true, rel=EXACT, abs=0) and len(given) == 200
+
+
+@pytest.mark.parametrize("unit", PRINTED["time"])
+def test_a_printed_time_is_its_true_value(unit, tmp_path):
+    printed, true = PRINTED["time"][unit]
+    rows = [[format(decimal.Decimal(printed) * k, "f"), str(5 + k % 7)] for k in range(1, 201)]
+    found = read(tmp_path / "a.log", touch.LOAD_CELL, [f"t ({unit})", "fz (N)"], rows)
+    assert found["t_us"].to_numpy()[[0, 99, 199]].tolist() == [true, 100 * true, 200 * true]
+
+
+@pytest.mark.parametrize(("quantity", "unit"), [(of, unit) for of in ("angle", "pressure") for unit in PRINTED[of]])
+def test_a_printed_truth_is_its_true_value(quantity, unit):
+    column = Column("truth", {"angle": "deg", "pressure": "kPa"}[quantity], -1e6, 1e6)
+    printed, true = PRINTED[quantity][unit]
+    assert float(printed) * (units.factor(unit, column, "a.log") or 1) == pytest.approx(true, rel=EXACT, abs=0)

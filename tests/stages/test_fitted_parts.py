@@ -15,13 +15,16 @@ import pyarrow.parquet
 import pytest
 from builders import made_reports
 
-from pipeline import models, tasks
+from pipeline import experiments, models, tasks
 from pipeline.base import params
 from pipeline.base.paths import MODEL_ZERO, Workspace
-from pipeline.datasets import schemas
+from pipeline.datasets import schemas, series
+from pipeline.experiments.glove_recorded import CELLS, JOINTS
 from pipeline.inference import calibration, channels, training
 from pipeline.inference.describer import Describer
+from pipeline.learning.regressors import Spec
 from pipeline.learning.trained import Trained
+from pipeline.own.settings import YARDSTICKS
 from pipeline.stability import loop
 from pipeline.stages import train
 
@@ -32,6 +35,7 @@ NETWORKS = {
     "strain": ["lstm_direct", "lstm_transfer", "lstm_transfer_ridge"],
     "glove": ["resnet3x3"],
 }
+AREAS = {"pressure": 270, "strain": 135}  # cells of the simulated glove
 READINGS, LABELS = ("x", "v", "pressure", "strain", "combined"), ("y", "force_n", "label")
 
 
@@ -67,12 +71,13 @@ def change(workspace: Workspace, experiment: str, part: str) -> None:
 
 def levels(workspace: Workspace, values: Mapping, experiment: str) -> list[np.ndarray]:
     """Return what a stress test takes from the training part of a run: rest, range and levels of the readings."""
-    protocol, seed = RUNS[experiment]
-    run = loop.KINDS[tasks.kind(experiment)].Run(workspace, values, experiment, CLOSED[experiment][0], protocol, seed)
-    if experiment == "glove":
+    (protocol, seed), kind = RUNS[experiment], tasks.kind(experiment)
+    run = loop.KINDS[kind].Run(workspace, values, experiment, CLOSED[experiment][0], protocol, seed)
+    if kind == "images":
         return [np.asarray(part) for area in run.frames.areas.values() for part in (area.wired, area.span, area.rest)]
-    known = run.levels.known if experiment == "touch" else run.levels
-    return [np.asarray(known[name]) for name in ("span", "rest", "low")]
+    known = run.levels.known if kind == "windows" else run.levels
+    ends = [run.levels.low, run.levels.high] if kind == "windows" else []
+    return [np.asarray(level) for level in (*(known[name] for name in ("span", "rest", "low")), *ends)]
 
 
 def fitted(workspace: Workspace, values: Mapping, experiment: str, names: list[str]) -> dict[str, object]:
@@ -146,50 +151,145 @@ def test_what_is_fitted_does_not_see_a_part_that_it_must_not(experiment, part, a
     assert sorted(moved - may_move) == [] and moved & may_move
 
 
-QUICK = {"touch": ["constant", "linear"], "strain": ["constant", "ridge"], "glove": ["naive_bayes", "tree"]}
-CHANNELS = {"touch": 9, "strain": 4}
+QUICK = {  # protocol, closed forms, columns of readings
+    "touch": ("press", ["constant", "linear", "window_ridge"], 9),
+    "velostat_recorded": ("repetition", ["constant", "linear", "window_ridge"], 1),
+    "strain": ("task_1", ["constant", "ridge"], 4),
+    "strain_recorded": ("within_day_xy", ["constant", "press_difference"], 6),
+    "glove": ("session_combined", ["naive_bayes", "tree", "window_ridge"], 405),
+    "glove_recorded": ("grasp_combined", ["naive_bayes", "tree", "window_ridge"], CELLS + JOINTS),
+}
+PARTS = np.array(["train", "train", "validation", "test"])
 
 
-def quickly(workspace: Workspace, settings: Mapping, experiment: str) -> dict[str, object]:
-    """Return what closed forms that are fitted to a small dataset say, the ranges of their training, the force gain."""
+def columns_of(experiment: str, table: pa.Table) -> dict[str, pa.Array]:
+    """Return what the dataset of a made report lacks, or has in another shape, as its readers and stress want it."""
+    rng, n = np.random.default_rng(1), len(table)
+    at = np.arange(n)
+    if experiment == "touch":  # every third window ends without a touch
+        force = schemas.matrix(table["force_n"]) * (at % 3 > 0)[:, None]
+        return {"force_n": schemas.lists(force, pa.float32())}
+    if experiment == "velostat_recorded":
+        names = [name.split("/")[0] for name in table["recording"].to_pylist()]
+        of_windows = {"x": schemas.lists(rng.uniform(1e3, 5e4, (n, 2)), pa.float32()), "force_n": table["y"]}
+        return of_windows | {"condition": pa.array(names).dictionary_encode(), "press": pa.array(at // 5, pa.int32())}
+    if tasks.kind(experiment) == "series":
+        days = {"strain_recorded": "day_1", "strain": "task_1"}
+        return {
+            "condition": pa.array([days[experiment]] * n).dictionary_encode(),
+            "press": pa.array(np.where(at % 2, at // 2, -1), pa.int32()),
+            "v": schemas.lists(rng.uniform(0.5, 2.5, (n, QUICK[experiment][2])), pa.float32()),
+        }
+    names = [f"{name}_{name[-2:]}-99" for name in table["recording"].to_pylist()]  # as recorded grasps are called
+    return {"recording": pa.array(names).dictionary_encode(), "t_s": pa.array(at * 0.1)}
+
+
+def made(workspace: Workspace, experiment: str, monkeypatch) -> tuple[dict, np.ndarray]:
+    """Write a small dataset, of images with the frames that they are of; return all settings, the part of each row."""
+    settings = made_reports.settings_of(experiment)
+    protocol, _, channels = QUICK[experiment]
+    if tasks.kind(experiment) != "series":
+        settings["window"] |= {"frames": 3 if experiment == "glove_recorded" else 2, "stride": 1}
+    if experiment == "strain":
+        settings["sensor"]["channels"] = channels
+    made_reports.write(workspace, experiment, settings)
+    monkeypatch.setitem(RUNS, experiment, (protocol, 0))
+    monkeypatch.setitem(CLOSED, experiment, QUICK[experiment][1])
+    table = pyarrow.parquet.read_table(workspace.dataset(experiment))
+    n, split = len(table), schemas.split_column(protocol, 0)
+    in_order = tasks.kind(experiment) == "series"
+    parts = PARTS[np.arange(n) * 4 // n if in_order else np.random.default_rng(0).integers(0, 4, n)]
+    columns = columns_of(experiment, table) | {split: pa.array(parts.tolist()).dictionary_encode()}
+    table = table.drop_columns([name for name in columns if name in table.column_names])
+    for name, column in columns.items():
+        table = table.append_column(name, column)
+    pyarrow.parquet.write_table(table, workspace.dataset(experiment))
+    if tasks.kind(experiment) == "images":
+        cells = {"pressure": CELLS, "strain": JOINTS} if experiment == "glove_recorded" else AREAS
+        kind, rng = pa.float32() if experiment == "glove_recorded" else pa.int16(), np.random.default_rng(2)
+        frames = table.select(["condition", "recording", "t_s"])
+        for name, width in cells.items():
+            frames = frames.append_column(name, schemas.lists(rng.integers(0, 150, (n, width)), kind))
+        pyarrow.parquet.write_table(frames, workspace.frames(experiment))
+    stress = params.load(made_reports.ROOT / "params.yaml")["stress"]
+    known = params.load(made_reports.ROOT / "params.yaml")[experiment]["models"]
+    settings["models"] = known | YARDSTICKS[tasks.kind(experiment)]
+    return {experiment: settings, "stress": stress, "device": "cpu"}, parts
+
+
+class Card(SimpleNamespace):
+    """What ranges and intervals ask of a card."""
+
+    def model_copy(self, update: Mapping) -> "Card":
+        """Return the card with other fields."""
+        return Card(**vars(self) | update)
+
+
+def card_of(settings: Mapping, experiment: str) -> Card:
+    """Return the card of the last of QUICK's closed forms."""
+    (protocol, seed), (_, closed, columns), kind = RUNS[experiment], QUICK[experiment], tasks.kind(experiment)
+    spec = tasks.of(experiment).spec
+    shapes = {"series": lambda: spec(experiment, settings, protocol), "windows": lambda: spec(settings)}
+    shape = shapes[kind]()._asdict() if kind in shapes else dict.fromkeys(Spec._fields, 1)
+    least = 1.0 if experiment == "touch" else None
+    return Card(
+        **dict(experiment=experiment, kind=kind, protocol=protocol, seed=seed, model=closed[-1], weights_sha256=""),
+        inputs=SimpleNamespace(columns=columns, chosen=list(range(columns))),
+        outputs=SimpleNamespace(touch_kpa=least, force_gain=1.0, names=["x", "y"][: shape["map_cols"]]),
+        shapes=SimpleNamespace(model_dump=lambda: shape),
+        reading=settings,
+    )
+
+
+def quickly(workspace: Workspace, values: Mapping, experiment: str, monkeypatch) -> dict[str, object]:
+    """Return what closed forms that are fitted to a small dataset say and choose, ranges, levels, the force gain."""
     (protocol, seed), path, task = RUNS[experiment], workspace.dataset(experiment), tasks.of(experiment)
-    found = {}
-    for name in QUICK[experiment]:
-        block = params.load(made_reports.ROOT / "params.yaml")[experiment]["models"][name]
-        build = lambda spec, name=name, block=block: models.build(name, spec, block, "test")  # noqa: E731
-        model = task.fit(path, experiment, settings, protocol, seed, build, device="cpu").model
+    settings, found = values[experiment], {}
+    for name in QUICK[experiment][1]:
+        build = lambda spec, name=name: models.build(name, spec, settings["models"][name], "test")  # noqa: E731
+        fit = task.fit(path, experiment, settings, protocol, seed, build, device="cpu")
         shape = task.stream(path, experiment, settings, protocol, seed)[1].shape[1:]
         given = np.random.default_rng(0).uniform(0, 900, (40, *shape)).astype(np.float32)
-        found[name] = model.predict(given).tolist()
-        load = lambda *run, model=model: Trained(model, failed=False)  # noqa: E731
+        found[name], found[f"{name}: history"] = fit.model.predict(given).tolist(), fit.history
+        if name == "window_ridge":
+            found["penalty"] = fit.model.estimator[-1].ridge_.alpha
+        load = lambda *run, fit=fit: Trained(fit.model, failed=False)  # noqa: E731
         for *_, tests in task.tested(path, experiment, settings, [(protocol, seed)], load):
             rows = [row for *_, scored in tests for row in scored]
             found[f"{name}: force gain"] = {(*row[:2], row[3]) for row in rows if row[1] == "force_gain"}
-    if columns := CHANNELS.get(experiment):
-        inputs = SimpleNamespace(columns=columns, chosen=list(range(columns)))
-        card = dict(experiment=experiment, kind=tasks.kind(experiment), protocol=protocol, seed=seed, inputs=inputs)
-        found["ranges"] = training.trained_on(workspace, settings, SimpleNamespace(**card))
+        monkeypatch.setattr(tasks, "load", load)
+    card = card_of(settings, experiment)
+    found["ranges"] = training.trained_on(workspace, settings, card)
+    workspace.calibration(experiment, card.model, protocol, seed).unlink(missing_ok=True)
+    found["intervals"] = calibration.calibrated(workspace, values, card, refit=True).calibration.bounds
+    assert any(bound.value is not None for bound in found["intervals"])
+    if card.kind == "series":  # what calibrates a solved model saw the training part alone
+        pieces = series.read(path, experiments.module(experiment).task(protocol, settings), protocol, seed)
+        found["calibrating"] = calibration._without_validation(values, card, pieces).predict(given).tolist()
+    found["levels"] = [level.tolist() for level in levels(workspace, values, experiment)]
+    assert np.isfinite(np.concatenate([np.ravel(level) for level in found["levels"]])).all()
     return found
 
 
-@pytest.mark.parametrize("part", ["test", "train"])
-@pytest.mark.parametrize("experiment", RUNS)
-def test_what_is_fitted_in_a_moment_does_not_see_the_test_part(experiment, part, workspace, monkeypatch):
+@pytest.mark.parametrize("part", ["test", "validation", "train"])
+@pytest.mark.parametrize("experiment", QUICK)
+def test_what_is_fitted_in_a_moment_does_not_see_a_part_that_it_must_not(experiment, part, workspace, monkeypatch):
     """As above, at once: closed forms on a made dataset. Another training part changes them."""
-    settings = made_reports.settings_of(experiment)
-    settings["sensor"]["channels"] = CHANNELS["strain"]
-    made_reports.write(workspace, experiment, settings)
-    monkeypatch.setitem(RUNS, experiment, (next(iter(settings["protocols"])), 0))
-    path, split = workspace.dataset(experiment), schemas.split_column(*RUNS[experiment])
-    table = pyarrow.parquet.read_table(path)
-    parts = np.array(["train", "train", "validation", "test"])[np.random.default_rng(0).integers(0, 4, len(table))]
-    if experiment == "strain":  # in the order of time
-        parts = np.array(["train", "train", "validation", "test"])[np.arange(len(table)) * 4 // len(table)]
-    column = pa.array(parts.tolist()).dictionary_encode()
-    table = table.set_column(table.column_names.index(split), split, column)
-    pyarrow.parquet.write_table(table, path)
-    before = quickly(workspace, settings, experiment)
-    pyarrow.parquet.write_table(exchange(table, np.flatnonzero(parts == part)), path)
-    after = quickly(workspace, settings, experiment)
-    changed = {name for name in after if after[name] != before[name]}
-    assert not changed if part == "test" else changed >= {QUICK[experiment][-1]} | ({"ranges"} & after.keys())
+    values, parts = made(workspace, experiment, monkeypatch)
+    before = quickly(workspace, values, experiment, monkeypatch)
+    rows = np.flatnonzero(parts == part)
+    for path in [workspace.dataset(experiment)] + [workspace.frames(experiment)] * ("glove" in experiment):
+        table = pyarrow.parquet.read_table(path)
+        changed = exchange(table, rows)
+        assert not changed.equals(table)
+        pyarrow.parquet.write_table(changed, path)
+    after = quickly(workspace, values, experiment, monkeypatch)
+    moved, closed = {name for name in after if after[name] != before[name]}, QUICK[experiment][1]
+    histories = {f"{name}: history" for name in closed}
+    if part == "test":
+        assert not moved
+    elif part == "validation":  # solved models of series are fitted to both parts, as in the paper
+        assert "intervals" in moved and histories & moved
+        assert moved <= {"intervals"} | histories | (set(closed) if "strain" in experiment else set())
+    else:
+        assert moved >= {closed[-1], "ranges", "levels", "intervals"} | ({"calibrating"} & after.keys())

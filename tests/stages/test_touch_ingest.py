@@ -16,6 +16,7 @@ from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import schemas
+from pipeline.datasets.windowing import windows_of
 from pipeline.experiments import touch
 from pipeline.logs import alignment, sources
 from pipeline.stages import ingest
@@ -549,3 +550,31 @@ def test_too_many_spikes_are_said_to_be_spikes(tmp_path):
     cell[10::12] = [line.partition(",")[0] + ",150.0" for line in cell[10::12]]
     with pytest.raises(InputError, match=r"load_cell\.log: 8\.3% of the \d+ lines cannot be used, most often 'spike'"):
         read(tmp_path, logs)
+
+
+def test_labels_of_two_tips_at_once_come_from_the_lines_of_their_logs(tmp_path):
+    """By hand, eq. 1: each tip's force as its load cell printed it, where its CNC stood, under the condition's tip."""
+    places = {"single": [(10.5, 7.5)], "double": [(10.5, 7.5), (25.5, 19.5)]}
+    radii, tables, wanted = {"single": 6.0, "double": 3.0}, [], []
+    across, along = 1.5 + 3 * np.arange(12), 1.5 + 3 * np.arange(8)
+    window = {"frames": 2, "frame_step": 1, "stride": 3, "contact_threshold_n": 0.5}
+    for condition, of in places.items():
+        logs = logs_of(seconds=30, seed=4, touches=len(of))
+        for (x, y), suffix in zip(of, ("", "_2"), strict=False):
+            moves = [line.split(",") for line in logs[f"cnc{suffix}.log"]]
+            logs[f"cnc{suffix}.log"] = [f"{at},{x},{y},{z}" for at, _, _, z in moves]
+        frames, _, _ = touch.read_recording(save(tmp_path / condition / "run000", logs), SETTINGS)
+        tables.append(windows_of(frames, window))
+        kpa = 0
+        for (x, y), suffix in zip(of, ("", "_2"), strict=False):
+            at, newtons = np.array([line.split(",") for line in logs[f"load_cell{suffix}.log"]], float).T
+            force = np.maximum(np.interp(tables[-1]["t_s"].to_numpy(), at / 1e6, newtons), 0)
+            away = (across[None, :] - x) ** 2 + (along[:, None] - y) ** 2
+            spread = np.exp(-away / (2 * (radii[condition] / 2) ** 2))
+            kpa = kpa + force[:, None, None] * 1000 / (np.pi * radii[condition] ** 2) * spread
+        wanted.append(kpa)
+    label = {"tip_radius_mm": 6.0, "tip_radius_by_condition_mm": {"double": 3.0}, "map_rows": 8, "map_cols": 12}
+    found = touch.labels(pa.concat_tables(tables).unify_dictionaries(), SETTINGS | {"label": label})
+    wanted = np.concatenate(wanted)
+    assert wanted.max() > 500 and (wanted.max(axis=(1, 2)) > 50).mean() > 0.3
+    np.testing.assert_allclose(found.reshape(wanted.shape), wanted, rtol=1e-4, atol=0.02)

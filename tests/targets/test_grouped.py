@@ -1,5 +1,7 @@
 """A target of one's own: what is read, which group a window is in, and that a tested group tells nothing before."""
 
+import itertools
+
 import numpy as np
 import pytest
 from builders import free_targets
@@ -7,9 +9,10 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
+from pipeline.learning.window_statistics import PENALTIES
 from pipeline.own import settings as own_settings
 from pipeline.sheet.estimates import Estimate, cannot_tell
-from pipeline.targets import features, read, validate
+from pipeline.targets import features, models, read, validate
 from pipeline.targets.validate import CHOSEN, COVERAGE, RMSE
 
 TREES = 5
@@ -60,6 +63,70 @@ def test_a_tested_group_tells_nothing_before_its_test(tmp_path):
     wide = [r.scores.set_index(["test", "model", "metric"])["value"] for r in (result, again)]
     name = ("anna", CHOSEN, validate.HALF_WIDTH)
     assert wide[0][name] == wide[1][name] and wide[0]["anna", CHOSEN, RMSE] != wide[1]["anna", CHOSEN, RMSE]
+
+
+def made_windows(kind, seed=0):
+    """30 windows of each of four persons, whose number, class or event is in the slope of noisy readings."""
+    rng, n = np.random.default_rng(seed), 120
+    x, at = rng.normal(size=(n, 6, 4)).astype(np.float32), np.arange(n)
+    seen = x[:, 2, 0] + 0.5 * x[:, 1, 1] + rng.normal(size=n)
+    label = np.digitize(seen, [-0.5, 0.5]) if kind == "class" else (seen > 0.3).astype(int)
+    y = seen[:, None] if kind == "continuous" else np.eye(3 if kind == "class" else 2)[label]
+    names = {"continuous": [], "class": ["a", "b", "c"], "event": ["none", "slip"]}[kind]
+    return features.Windows(x, y, names, at // 30, ["anna", "ben", "cleo", "dora"], at // 15, at // 2, 1)
+
+
+def all_fitted(windows, kind, monkeypatch):
+    """Return for each test what its models say of fixed readings, their penalty, and what chose them; and the tests."""
+    probe, found, fitted = np.random.default_rng(9).normal(size=(50, 6, 4)), [], validate.fitted
+
+    def noted(row, *rest):
+        estimator, held_out = fitted(row, *rest)
+        penalty = getattr(estimator[-1], "alpha", None) if hasattr(estimator, "steps") else None
+        said = estimator.predict(features.columns(probe, row.level))
+        found.append((row.name, penalty, np.asarray(said).tolist(), held_out.tolist()))
+        return estimator, held_out
+
+    with monkeypatch.context() as patch:
+        patch.setattr(validate, "fitted", noted)
+        tested = validate.test_groups(windows, kind, "", "person", 2)
+    return [found[first : first + 5] for first in range(0, len(found), 5)], tested
+
+
+@pytest.mark.parametrize("kind", ["continuous", "class", "event"])
+def test_readings_and_truth_of_a_tested_group_move_no_fit_and_no_choice(kind, monkeypatch):
+    windows = made_windows(kind)
+    before, tested = all_fitted(windows, kind, monkeypatch)
+    assert len(before) == 4 and {row for row, *_ in before[0]} == {row.name for row in models.rows(kind, 2)}
+    x, y = windows.x.copy(), windows.y.copy()
+    x[:30], y[:30] = 3 * x[29::-1] + 1, np.roll(y[:30], 1, axis=1) if windows.classes else y[29::-1] - 7
+    after, again = all_fitted(windows._replace(x=x, y=y), kind, monkeypatch)
+    assert before[0] == after[0] and tested.chosen["anna"] == again.chosen["anna"]
+    assert all(a != b for rows in zip(before[1:], after[1:], strict=True) for a, b in zip(*rows, strict=True))
+    rows = [
+        each.scores[(each.scores["test"] == "anna")].set_index(["model", "metric"])["value"] for each in (tested, again)
+    ]
+    assert not rows[0].equals(rows[1])
+    if kind == "continuous":
+        assert rows[0][CHOSEN, validate.HALF_WIDTH] == rows[1][CHOSEN, validate.HALF_WIDTH]
+
+
+def test_the_penalty_and_the_interval_of_the_kept_model_are_those_of_parts_left_out():
+    """By hand: ridge regression on three persons says what the fourth is, and the least error of all four counts."""
+    windows = made_windows("continuous")
+    y, said = windows.y, {}
+    for level, penalty, person in itertools.product((True, False), PENALTIES, range(4)):
+        x, there = windows.columns(level), windows.group == person
+        mean, spread = x[~there].mean(axis=0), x[~there].std(axis=0)
+        design, middle = (x[~there] - mean) / spread, y[~there].mean()
+        slope = np.linalg.solve(design.T @ design + penalty * np.eye(x.shape[1]), design.T @ (y[~there] - middle))
+        said.setdefault((level, penalty), np.empty_like(y))[there] = (x[there] - mean) / spread @ slope + middle
+    level, penalty = min(said, key=lambda one: np.square(said[one] - y).mean())
+    assert PENALTIES[0] < penalty < PENALTIES[-1], "neither end, which a fault would choose, too"
+    final = validate.final(windows, "continuous", 2)
+    assert final.row.name.startswith("ridge") and final.row.level == level and final.estimator[-1].alpha == penalty
+    wide = validate.calibrated(y, said[level, penalty], windows.unit, "continuous")
+    assert final.bound == pytest.approx(wide, rel=1e-4) and final.units == 60
 
 
 def test_votes_are_better_than_their_frames_and_two_days_have_no_interval(tmp_path):
