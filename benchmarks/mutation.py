@@ -40,7 +40,7 @@ UNITS = "logs/test_sizes_of_units.py logs/test_units_in_headers.py logs/test_uni
 # all that it has), and tests that should see them
 CHOSEN = {
     "stability/*.py": (ALL, f"stability {SELECTION}"),
-    "tasks/*.py": (ALL, f"{SELECTION} general/test_latency.py general/test_contract_of_models.py"),
+    "tasks/*.py": (ALL, f"{SELECTION} stages/test_fitted_parts.py general/test_latency.py"),
     "base/ranges.py": ("of excess outside of_areas", f"{FITTED} {KEPT}"),
     "inference/training.py": (ALL, FITTED),
     "inference/intervals.py": (ALL, INTERVALS),

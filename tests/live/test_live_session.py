@@ -43,6 +43,16 @@ def test_a_device_of_four_times_the_rate_has_frames_as_far_apart(package):
     assert np.abs(values[3::4][WINDOW:] - expected[WINDOW:]).max() < SAME * np.nanmax(np.abs(expected))
 
 
+@pytest.mark.parametrize(("lost", "begins_anew"), [(4 * STEP - 1, False), (4 * STEP, True)])
+def test_lost_lines_are_filled_up_to_those_from_one_frame_to_the_next(lost, begins_anew, package):
+    kept = np.delete(np.arange(480), slice(300, 300 + lost))
+    data = printed(press(480)[kept], times_us=np.rint(1e6 * kept * INTERVAL_S / 4).astype(int))
+    values = np.stack([each.values for each in taken(session_of(package("linear")), data)])
+    missing = np.isnan(values[300:]).any(axis=(1, 2))
+    assert len(values) == 480 - lost and missing.any() == begins_anew
+    assert missing.sum() == (4 * WINDOW if begins_anew else 0)
+
+
 def test_a_slow_device_is_said_to_be(package):
     session = session_of(package("linear"))
     taken(session, printed(press(30), rate_hz=10))
