@@ -5,6 +5,7 @@ evidence/shards.yaml are sets, one for each amount of data; shards are called `<
 
 * results/<shard>.csv: rows of the one table of results.
 * studies/<experiment>/<table>-<seed>.csv: in place of that, the tables of a study, a set with the key `study`.
+* stress/<shard>.csv: rows as those of results, on perturbed readings and scenes; severity 0 is without.
 * curves/<shard>.csv: losses over epochs, CURVE_POINTS of each training.
 * index.csv: of each shard its digest, costs, machine and commit; times.csv: seconds of each training.
 """
@@ -24,6 +25,7 @@ from pipeline.scoring.results import read_csv
 from pipeline.settings.shards import ShardSet
 
 BUDGETS = (HALF, FULL)
+STRESS = [*COLUMNS, "perturbation", "severity"]
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
 STUDY = "study"  # in the column `protocol` of index.csv, for a study
@@ -56,6 +58,7 @@ def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
     path = paths.require(folder(workspace) / "shards.yaml", "git checkout evidence/shards.yaml")
     sets = {}
     for name, (block, other) in _entries(params.parsed(path), "").items():
+        other = {key: value for key, value in other.items() if key != "stress"}
         if {"study", "variants"} & block.keys():  # it trains no models, or those that it names
             other = {key: value for key, value in other.items() if key != "models"}
         whole = _joined(other, block)
@@ -107,6 +110,11 @@ def named(each: ShardSet) -> str:
 def result_file(workspace: Workspace, shard: str) -> Path:
     """Return the file that keeps the rows of a shard of this name."""
     return folder(workspace) / "results" / f"{shard}.csv"
+
+
+def stress_file(workspace: Workspace, shard: str) -> Path:
+    """Return the file that keeps what the models of a shard score on perturbed readings and scenes."""
+    return folder(workspace) / "stress" / f"{shard}.csv"
 
 
 def study_file(workspace: Workspace, experiment: str, table: str, seed: int) -> Path:
@@ -169,6 +177,18 @@ def read(workspace: Workspace) -> pd.DataFrame:
         if row.shard in of_shard:
             tables.append(_training_times(of_shard[row.shard], rows, row.budget))
     return _once(pd.concat(tables, ignore_index=True))
+
+
+def stress(workspace: Workspace) -> pd.DataFrame:
+    """Return what the models of all committed shards scored under stress, columns STRESS; no row where none has any."""
+    tables = [pd.DataFrame(columns=STRESS, dtype=object)]
+    tables += [
+        read_csv(path, STRESS, MADE_BY).astype({"variant": object, "budget": object})
+        for shard in table(folder(workspace) / "index.csv", INDEX)["shard"]
+        if (path := stress_file(workspace, shard)).exists()
+    ]
+    together = pd.concat(tables[1:] or tables, ignore_index=True)
+    return together.fillna({"variant": "", "budget": ""})
 
 
 def _once(rows: pd.DataFrame) -> pd.DataFrame:
