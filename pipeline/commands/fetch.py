@@ -8,6 +8,7 @@ are right stay, and the download that was interrupted goes on where it stopped.
 import argparse
 import http.client
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
@@ -16,7 +17,6 @@ from tqdm import tqdm
 
 from pipeline import experiments
 from pipeline.base.errors import InputError, storage_error
-from pipeline.base.files import sha256
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
 from pipeline.logs import sources
@@ -28,13 +28,24 @@ LARGEST_FILE = 256 << 20  # bytes; the largest recording has 4 MB
 
 def state(workspace: Workspace, name: str) -> str:
     """Return how much of a source is downloaded: absent, partly (how many files are right), or complete."""
-    listed, target = sources.files(name), sources.folder(workspace, name)
-    present = [path for path in listed if (target / path).is_file()]
-    right = sum(sha256(target / path) == listed[path] for path in present)
-    if right == len(listed):
+    target, right, wrong, absent = sources.folder(workspace, name), 0, 0, 0
+    for path, digest in sources.files(name).items():
+        there = {one: target / one for one in sources.members(path)}
+        present = sum(file.is_file() for file in there.values())
+        absent += len(there) - present
+        if present == len(there) and sources.digest(there) == digest:
+            right += present
+        elif present == len(there):
+            wrong += present
+    if not absent and not wrong:
         return "complete"
-    wrong = f", {len(present) - right} wrong" if right < len(present) else ""
-    return f"partly: {right} of {len(listed)} files{wrong}" if present else "absent"
+    of = number(name)
+    return f"partly: {right} of {of} files{f', {wrong} wrong' if wrong else ''}" if absent < of else "absent"
+
+
+def number(name: str) -> int:
+    """Return how many files a source has."""
+    return sum(len(sources.members(path)) for path in sources.files(name))
 
 
 def listing(workspace: Workspace) -> str:
@@ -42,7 +53,7 @@ def listing(workspace: Workspace) -> str:
     rows = [("source", "files", "size", "state", "licence")]
     for name, source in experiments.having("source").items():
         size = f"{source.size / 1e6:.1f} MB"
-        rows.append((name, str(len(sources.files(name))), size, state(workspace, name), source.licence))
+        rows.append((name, str(number(name)), size, state(workspace, name), source.licence))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     lines += ["", "from, at pinned commits:"]
@@ -68,33 +79,45 @@ def fetch(workspace: Workspace, name: str, from_folder: Path | None = None) -> t
     written = kept = 0
     with tqdm(total=facts(name).source.size, desc=name, unit="B", unit_scale=True) as bar:
         for path, digest in listed.items():
-            goal = target / path
-            if not goal.resolve().is_relative_to(target.resolve()):
+            goals = {one: target / one for one in sources.members(path)}
+            if not all(goal.resolve().is_relative_to(target.resolve()) for goal in goals.values()):
                 raise InputError(f"{path}: leaves the folder {target}; fix pipeline/logs/{name}.sha256")
-            bar.set_postfix_str(f"file {written + kept + 1} of {len(listed)}", refresh=False)
-            if goal.is_file() and sha256(goal) == digest:
-                kept += 1
-                bar.update(goal.stat().st_size)
+            bar.set_postfix_str(f"file {written + kept + 1} of {number(name)}", refresh=False)
+            if all(goal.is_file() for goal in goals.values()) and sources.digest(goals) == digest:
+                kept += len(goals)
+                bar.update(sum(goal.stat().st_size for goal in goals.values()))
                 continue
-            goal.parent.mkdir(parents=True, exist_ok=True)
-            part = goal.with_name(goal.name + ".part")
-            if from_folder is None:
-                origin, resumed = sources.address(facts(name).source, path), part.is_file()
-                _download(origin, part, bar)
-                if resumed and sha256(part) != digest:  # the old part was not the start of this file
+            parts = {one: goal.with_name(goal.name + ".part") for one, goal in goals.items()}
+            next(iter(goals.values())).parent.mkdir(parents=True, exist_ok=True)
+            resumed = any(part.is_file() for part in parts.values())
+            origin = _get(name, parts, from_folder, bar)
+            if from_folder is None and resumed and sources.digest(parts) != digest:
+                for part in parts.values():  # the old parts were not the starts of these files
                     part.unlink()
-                    _download(origin, part, bar)
-            else:
-                origin = _found(from_folder / path, from_folder, name)
-                shutil.copyfile(origin, part)
-                bar.update(part.stat().st_size)
-            got = sha256(part)
+                _get(name, parts, from_folder, bar)
+            got = sources.digest(parts)
             if got != digest:
-                part.unlink()
-                raise InputError(f"{origin}: SHA-256 is {got}, expected {digest}; get the file of the pinned commit")
-            part.replace(goal)
-            written += 1
+                for part in parts.values():
+                    part.unlink()
+                what = origin if len(parts) == 1 else path
+                raise InputError(f"{what}: SHA-256 is {got}, expected {digest}; get the file of the pinned commit")
+            for one, part in parts.items():
+                part.replace(goals[one])
+            written += len(parts)
     return written, kept
+
+
+def _get(name: str, parts: Mapping[str, Path], from_folder: Path | None, bar: tqdm) -> str | Path:
+    """Put the files of a source that `parts` names where it says; return where the last came from."""
+    for path, part in parts.items():
+        if from_folder is None:
+            origin = sources.address(facts(name).source, path)
+            _download(origin, part, bar)
+        else:
+            origin = _found(from_folder / path, from_folder, name, alone=len(parts) == 1)
+            shutil.copyfile(origin, part)
+            bar.update(part.stat().st_size)
+    return origin
 
 
 def _download(address: str, part: Path, bar: tqdm) -> None:
@@ -129,9 +152,12 @@ def _download(address: str, part: Path, bar: tqdm) -> None:
         raise InputError(f"{address}: the connection ended after {have} of {wanted} bytes; {advice}")
 
 
-def _found(path: Path, folder: Path, name: str) -> Path:
-    """Return `path`, or the file of its name in `folder`: laid out like the source, or all in one folder."""
-    for candidate in (path, folder / path.name):
+def _found(path: Path, folder: Path, name: str, alone: bool) -> Path:
+    """Return `path`, or the file of its name in `folder`: laid out like the source, or all in one folder.
+
+    alone: whether its name tells it from the others; that of a numbered file does not.
+    """
+    for candidate in (path, *([folder / path.name] if alone else [])):
         if candidate.is_file():
             return candidate
     raise InputError(f"{path}: not found; --from needs a folder with every file of {name}")

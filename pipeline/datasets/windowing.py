@@ -82,7 +82,7 @@ def windows_of(frames: pa.Table, settings: Mapping) -> pa.Table:
     """Cut a frames table into windows; settings: `<experiment>.window`. Returns a table as `windows_table`.
 
     Columns `apart` and `sliding` say of which kind a window is; `sliding` windows are made of the conditions and to the
-    shares that the setting of this name gives, if it is there.
+    shares that the setting of this name gives, if it is there. Without a threshold of contact each frame is a press.
     Labels belong to a window's last frame, so all other columns are of that frame. Raises InputError if no frame is
     part of a window.
     """
@@ -93,13 +93,14 @@ def windows_of(frames: pa.Table, settings: Mapping) -> pa.Table:
     changes = np.any([np.diff(code) != 0 for code in codes], axis=0)
     recording = np.cumsum(np.concatenate([[0], changes]))
     t_s = frames["t_s"].to_numpy()
-    force = np.nansum(schemas.matrix(frames["force_n"]), axis=1)
-    press = np.empty(len(t_s), dtype=np.int64)
-    first = 0
-    for number in range(recording[-1] + 1):
-        inside = recording == number
-        press[inside] = first + presses(force[inside], t_s[inside], settings["contact_threshold_n"])
-        first = press[inside].max() + 1
+    press = np.arange(len(t_s))
+    if "contact_threshold_n" in settings:
+        force = np.nansum(schemas.matrix(frames["force_n"]), axis=1)
+        first = 0
+        for number in range(recording[-1] + 1):
+            inside = recording == number
+            press[inside] = first + presses(force[inside], t_s[inside], settings["contact_threshold_n"])
+            first = press[inside].max() + 1
     run = np.cumsum(frames["gap_before"].to_numpy()) + press * (len(t_s) + 1)
     size, step = settings["frames"], settings["frame_step"]
     apart = window_rows(run, size, step, settings["stride"])[:, 0]

@@ -23,6 +23,7 @@ import numpy as np
 import torch
 from torch import nn
 from torch.autograd.function import once_differentiable
+from torch.nn.utils.parametrize import register_parametrization
 
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec, TorchRegressor
@@ -157,6 +158,29 @@ class Lomp(nn.Module):
         if self.buffers is None or self.buffers.key != key:
             self.buffers = _Buffers(x, self.hidden, key, self.buffers)
         return self.buffers
+
+
+class _OfOne(nn.Module):
+    """The weights of one element (1, inputs, outputs) as those of all (elements, inputs, outputs)."""
+
+    def __init__(self, elements: int):
+        super().__init__()
+        self.elements = elements
+
+    def forward(self, weight: torch.Tensor) -> torch.Tensor:
+        return weight.expand(self.elements, -1, -1)
+
+    def right_inverse(self, weights: torch.Tensor) -> torch.Tensor:
+        return weights[:1].clone()
+
+
+def alike(network: Lomp) -> Lomp:
+    """Return the network with the first element's weights for all elements, which are then trained as one."""
+    for module in (network, network.readout, network.readout_bias):
+        for name, weight in list(module.named_parameters(recurse=False)):
+            if weight.dim() == 3:  # those of the messages are shared already
+                register_parametrization(module, name, _OfOne(network.spec.elements))
+    return network
 
 
 def _uniform(fan_in: int, *shape: int) -> nn.Parameter:

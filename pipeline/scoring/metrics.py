@@ -11,6 +11,8 @@ from pipeline.datasets import labels
 from pipeline.datasets.series import Record
 
 TIE_KPA = 0.01  # cells that differ by less are equally high: of labels up to 400 kPa in float32, none that tie do
+CONTACT = 50.0  # percent: a cell of which at least half is touched is one that is touched
+AWAY_MM = 9.6  # further from contact than the coarser of the two pitches, a map should be 0
 
 Row = tuple[str, str, float, int]  # metric, unit, value, number of windows or touches
 
@@ -31,6 +33,39 @@ def overall(truth: np.ndarray, predicted: np.ndarray, unit: str) -> list[Row]:
 def velostat_recorded(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
     """Return RMSE in N and R2 of force; truth, predicted: (n, 1) in N."""
     return overall(truth, predicted, "N")
+
+
+def contact(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list[Row]:
+    """Return scores of one run on maps of contact, of the frames of one condition.
+
+    truth, predicted: (n, map_rows * map_cols) in percent of a cell, which is no pressure; settings: the block of
+    params.yaml. A contact is what hangs together, over edges and corners, of cells that are touched by CONTACT or more.
+    * rmse and r2: over all cells of all frames.
+    * touches_found: share of frames whose predicted map has as many contacts as the true one, each over another one.
+    * sum_ratio: sum of all predicted maps over that of the true ones.
+    * away_rmse: rmse in cells further than AWAY_MM from any cell that is touched at all.
+    """
+    true_maps, maps = as_maps(truth, settings), as_maps(predicted, settings)
+    found = [_same_contacts(*pair) for pair in zip(true_maps >= CONTACT, maps >= CONTACT, strict=True)]
+    sensor, label = settings["sensor"], settings["label"]
+    reach = [round(AWAY_MM * label[f"map_{side}"] / (sensor[side] * sensor["pitch_mm"])) for side in ("rows", "cols")]
+    size = (1, *(2 * cells + 1 for cells in reach))
+    away = ndimage.maximum_filter(true_maps, size=size, mode="constant") == 0
+    squares = np.square(maps[away], dtype=np.float64)
+    total = true_maps.sum(dtype=np.float64)
+    rows = overall(truth, predicted, "% contact")
+    rows.append(("touches_found", "1", float(np.mean(found)), len(found)))
+    rows.append(("sum_ratio", "1", float(maps.sum(dtype=np.float64) / total) if total > 0 else float("nan"), len(maps)))
+    rows.append(("away_rmse", "% contact", float(np.sqrt(squares.mean())) if len(squares) else float("nan"), len(maps)))
+    return rows
+
+
+def _same_contacts(truth: np.ndarray, predicted: np.ndarray) -> bool:
+    """Tell whether two maps (rows, cols) bool have as many contacts, and each of the one lies over one of the other."""
+    (true, count), (seen, number) = (ndimage.label(each, np.ones((3, 3))) for each in (truth, predicted))
+    both = (true > 0) & (seen > 0)
+    pairs = np.unique(np.stack([true[both], seen[both]]), axis=1)
+    return count == number == pairs.shape[1] == len(np.unique(pairs[0])) == len(np.unique(pairs[1]))
 
 
 def series(record: Record, predicted: np.ndarray, outputs: tuple[int, ...]) -> list[Row]:

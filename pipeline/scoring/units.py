@@ -2,6 +2,7 @@
 
 Seeds of a recorded experiment are starts of networks on the same recordings; how far a number would differ with other
 presses is told by drawing the presses anew, with repetition (bootstrap; Efron 1979), the same ones for every model.
+Of recordings of several persons, persons are drawn anew, and of each that is drawn what is theirs.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +17,7 @@ from pipeline.datasets import images, schemas
 from pipeline.scoring.results import read_predictions, read_windows
 
 MOST_UNITS = 100  # of a condition: presses in a row are one where there are more
+MOST_OF_SUBJECT = 10  # likewise of one person: how persons differ weighs more
 SUFFIX = "_of_unit"  # of the metric's name; the variant is the unit
 DRAWS = 1000
 DRAW = "draw"  # name of the index of values that are draws, not runs
@@ -28,6 +30,7 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Se
     """
     table, facts = read_windows(workspace, experiment), experiments.facts(experiment)
     condition, unit = schemas.names(table["condition"]), _numbers(table)
+    subject = schemas.names(table[facts.subject]) if facts.subject else None
     for protocol in protocols:
         for seed in settings["protocols"][protocol]["seeds"]:
             for model in settings["models"]:
@@ -39,12 +42,12 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Se
                     pooled = (images.modality(protocol),)
                 for name in pooled or np.unique(condition[known]):
                     chosen = known if pooled else known & (condition == name)
-                    block = _blocks(unit[chosen])
-                    losses = pd.Series(wrong[chosen]).groupby(block).agg(["mean", "size"])
+                    block = _named(unit[chosen], None if subject is None else subject[chosen])
+                    losses = pd.Series(wrong[chosen]).groupby(block, observed=True).agg(["mean", "size"])
                     for number, loss in losses.iterrows():
                         yield {
                             "experiment": experiment, "protocol": protocol, "condition": name, "model": model,
-                            "variant": f"unit_{number}", "metric": facts.metric + SUFFIX, "seed": seed,
+                            "variant": number, "metric": facts.metric + SUFFIX, "seed": seed,
                             "unit": "", "value": float(f"{loss['mean']:.6g}"), "n": int(loss["size"]),
                         }  # fmt: skip
 
@@ -58,10 +61,24 @@ def _numbers(table: pa.Table) -> np.ndarray:
     return np.where(press >= 0, number, -1)
 
 
-def _blocks(unit: np.ndarray) -> np.ndarray:
-    """Return units numbered from 0 on, several in a row as one where there are more than MOST_UNITS."""
+def _named(unit: np.ndarray, subject: np.ndarray | None) -> pd.Categorical:
+    """Return the names of blocks of units, (n,): unit_0, unit_1 ..., or of persons unit_P01_0 ...
+
+    unit, subject: (n,). Several in a row are one block where there are more than MOST_UNITS, or MOST_OF_SUBJECT of one.
+    """
+    name, order = np.full(len(unit), "", object), []
+    for one in [None] if subject is None else np.unique(subject):
+        rows = np.full(len(unit), True) if one is None else subject == one
+        block = _blocks(unit[rows], MOST_UNITS if one is None else MOST_OF_SUBJECT)
+        name[rows] = [f"unit_{'' if one is None else f'{one}_'}{number}" for number in block]
+        order += list(dict.fromkeys(name[rows][np.argsort(block, kind="stable")]))
+    return pd.Categorical(name, categories=order)
+
+
+def _blocks(unit: np.ndarray, most: int) -> np.ndarray:
+    """Return units numbered from 0 on, several in a row as one where there are more than `most`."""
     number = np.unique(unit, return_inverse=True)[1]
-    return number // -(-(number.max(initial=0) + 1) // MOST_UNITS)
+    return number // -(-(number.max(initial=0) + 1) // most)
 
 
 def _loss(metric: str, table: pa.Table, predicted: np.ndarray) -> np.ndarray:
@@ -78,12 +95,24 @@ def _loss(metric: str, table: pa.Table, predicted: np.ndarray) -> np.ndarray:
 def drawn(table: pd.DataFrame, metric: str) -> pd.Series:
     """Return the metric over units drawn anew, (DRAWS,), each unit averaged over seeds; table: its rows of one model.
 
-    The same number of units gives the same draws, so that models are paired.
+    Where units are of several persons, persons are drawn, and for each that is drawn its units: rows of several
+    protocols that test on different persons may stand together. The same units give the same draws, so that models are
+    paired.
     """
     mean = table.groupby("variant")["value"].mean()
     weight = table.groupby("variant")["n"].first().astype(float)
-    order = sorted(mean.index, key=lambda name: int(name.rpartition("_")[2]))
+    order = sorted(mean.index, key=lambda name: (name.rpartition("_")[0], int(name.rpartition("_")[2])))
     value, weight = mean[order].to_numpy(), weight[order].to_numpy()
-    picked = np.random.default_rng(len(value)).integers(len(value), size=(DRAWS, len(value)))
-    result = (weight * value)[picked].sum(axis=1) / weight[picked].sum(axis=1)
+    rng = np.random.default_rng(len(value))
+    _, first, size = np.unique([name.rpartition("_")[0] for name in order], return_index=True, return_counts=True)
+    if len(first) == 1:
+        picked = rng.integers(len(value), size=(DRAWS, len(value)))
+        result = (weight * value)[picked].sum(axis=1) / weight[picked].sum(axis=1)
+    else:
+        sums = np.zeros((2, DRAWS))
+        for draw in range(DRAWS):
+            persons = rng.integers(len(first), size=len(first))
+            picked = np.concatenate([first[one] + rng.integers(size[one], size=size[one]) for one in persons])
+            sums[:, draw] = (weight * value)[picked].sum(), weight[picked].sum()
+        result = sums[0] / sums[1]
     return pd.Series(np.sqrt(result) if metric == "rmse" else result, index=pd.RangeIndex(DRAWS, name=DRAW))

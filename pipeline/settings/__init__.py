@@ -11,6 +11,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from pipeline.settings.array_recorded import ArrayRecorded
 from pipeline.settings.glove import Glove
 from pipeline.settings.glove_recorded import GloveRecorded
 from pipeline.settings.physics import Physics
@@ -29,6 +30,7 @@ class Experiments(Block):
     device: Literal["auto", "cpu", "cuda"] = Field(description="Where networks train; auto: on a GPU if there is one")
     touch: Touch = Field(description="Presses on an array of pressure-sensitive elements (LoMP paper)")
     velostat_recorded: VelostatRecorded = Field(description="Recordings of a Velostat taxel under a load cell")
+    array_recorded: ArrayRecorded = Field(description="Recordings of a capacitive array under several fingers")
     strain: Strain = Field(description="A finger with soft strain sensors on a robot arm (latent-space paper)")
     strain_recorded: StrainRecorded = Field(description="Recordings of soft strain sensors")
     glove: Glove = Field(description="Objects that a hand in a tactile glove grasps (SP-ResNet paper)")

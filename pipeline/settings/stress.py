@@ -102,6 +102,7 @@ class Stress(Block):
     velostat_recorded: tested("of training readings", "windows") = Field(
         description="Stress tests of velostat_recorded"
     )
+    array_recorded: tested("of training readings", "windows") = Field(description="Stress tests of array_recorded")
     strain: tested("each channel's", "series", "strain") = Field(description="Stress tests of strain")
     strain_recorded: tested("each channel's", "series") = Field(description="Stress tests of strain_recorded")
     glove: tested("each area's", "images", "glove") = Field(description="Stress tests of glove")

@@ -43,7 +43,9 @@ def of_frames(
     experiment: str, name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool = False
 ) -> list[Sensor]:
     """Return the sensors of recordings that have been read, by the function that the facts of the experiment name."""
-    return globals()[experiments.facts(experiment).sheet](name, read, settings, simulated)
+    if not (sheet := experiments.facts(experiment).sheet):
+        raise InputError(f"{experiment}: its frames do not follow one another, so that there is no data sheet of it")
+    return globals()[sheet](name, read, settings, simulated)
 
 
 def of_first_specimen(experiment: str, name: str) -> bool:

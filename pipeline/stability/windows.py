@@ -3,8 +3,8 @@
 Readings. All test windows of a run are changed at once, so that the same elements fail in all conditions. The sensor's
 range, the `span` of noise and offset, is the ADC's (touch) or what was read in training (the recorded taxel, whose
 readings have no unit); readings are clipped to it, counts are rounded. What an element reads at rest, for the gain, is
-its median over the training windows that end without a touch. A dead element or line reads the lowest value of the
-range. Frames are lost or late within a window, each on its own.
+its median over the training windows that end without a touch, or over all where no force is known. A dead element or
+line reads the lowest value of the range. Frames are lost or late within a window, each on its own.
 
 Scenes (touch, where it is simulated). `scenes/touch_stress.py` writes logs to a temporary folder; they go through the
 ingest, the windows and the labels of the experiment, once for all models (`simulate_scenes`).
@@ -210,8 +210,10 @@ class Levels(NamedTuple):
             low, high = 0.0, float(highest_count)
         else:
             low, high = float(readings.min()), float(readings.max())
-        force_n = np.nansum(schemas.matrix(data.rows["force_n"]), axis=1)[train]
-        untouched = readings[force_n < settings["window"]["contact_threshold_n"]]
+        untouched = readings
+        if "force_n" in data.rows.column_names:
+            force_n = np.nansum(schemas.matrix(data.rows["force_n"]), axis=1)[train]
+            untouched = readings[force_n < settings["window"]["contact_threshold_n"]]
         rest = np.median(untouched if len(untouched) else readings, axis=(0, 1))
         sensor = {key: settings["sensor"][key] for key in ("rows", "cols")}
         return cls({"span": high - low, "rest": rest, "low": low} | sensor, low, high, bool(highest_count))

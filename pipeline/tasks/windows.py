@@ -29,8 +29,11 @@ def inputs(frames: pa.Table, settings: Mapping) -> pa.Table:
 
 
 def rows(windows: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa.Table, pa.Table]:
-    """Return the windows, as what is split and as the dataset's columns."""
-    return windows, windows
+    """Return the windows, as what is split and as the dataset's columns, whose conditions a module may name."""
+    if not hasattr(module, "conditions"):
+        return windows, windows
+    at = windows.schema.get_field_index("condition")
+    return windows, windows.set_column(at, windows.schema.field(at), module.conditions(windows))
 
 
 def labelled(table: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa.Schema, Iterator[pa.Table]]:

@@ -206,6 +206,7 @@ def test_every_key_of_params_yaml_is_in_the_schema():
 
     walk(WHOLE, whole, "")
     assert named == {
+        ".array_recorded.protocols",
         ".glove.protocols",
         ".glove_recorded.protocols",
         ".physics.glove.scene",
