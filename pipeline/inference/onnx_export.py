@@ -31,7 +31,13 @@ from pipeline.learning.series_regressors import StateReadout
 from pipeline.models.lomp_stream import LARGEST_STATE, StreamingLomp
 from pipeline.models.lstm_highpass import HighpassLstm
 
-OUTPUTS = {"kPa": "map_kpa", "N": "force_n", "mm": "position_mm", "probability": "probabilities"}
+OUTPUTS = {
+    "kPa": "map_kpa",
+    "% contact": "map_contact_percent",
+    "N": "force_n",
+    "mm": "position_mm",
+    "probability": "probabilities",
+}
 MOST_DIFFERENCE = 1e-4  # of full scale, from torch
 ROWS, STEPS = 16, 32  # of a check: windows, images or streams, and readings of a stream
 LARGEST_FOLDED = 1 << 30  # bytes of weights that are computed once, in the export
@@ -167,7 +173,10 @@ class _Lomp(nn.Module):
         }
         for name, array in arrays.items():
             self.register_buffer(name, array.detach())
-        self.readout, self.readout_bias = network.readout, network.readout_bias
+        self.readout, self.readout_bias = (
+            nn.ParameterList(part.detach().contiguous() for part in parts)
+            for parts in zip(*network.readouts(), strict=True)
+        )
 
     def after(self, x: torch.Tensor, h: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return h1 and h (elements, n, hidden) after a normalised frame x (n, elements)."""

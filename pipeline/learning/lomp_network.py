@@ -23,7 +23,6 @@ import numpy as np
 import torch
 from torch import nn
 from torch.autograd.function import once_differentiable
-from torch.nn.utils.parametrize import register_parametrization
 
 from pipeline.base.errors import InputError
 from pipeline.learning.regressors import Spec, TorchRegressor
@@ -36,11 +35,13 @@ aten = torch.ops.aten
 SMALL = 0.1  # of the first weights of P beside the identity
 
 
-def maker(spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: float) -> Callable[[], "Lomp"]:
+def maker(
+    spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: float, one_readout: bool = False
+) -> Callable[[], "Lomp"]:
     """Return a function that makes a network of these settings.
 
     `hidden`: numbers in h, h1, s and m; `readout`: widths of f's hidden layers; `neighbours`: 4 (sharing an edge) or 8
-    (sharing a corner, too); `alpha`: weight of the messages (eq. 4).
+    (sharing a corner, too); `alpha`: weight of the messages (eq. 4); `one_readout`: whether all elements have one f.
     Raises InputError for another number of neighbours, and for a map that does not divide into one block per element.
     """
     if neighbours not in (4, 8):
@@ -50,7 +51,7 @@ def maker(spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: f
             f"lomp: a map of {spec.map_rows}x{spec.map_cols} does not divide into equal blocks over "
             f"{spec.rows}x{spec.cols} elements; make the map a multiple of the array"
         )
-    return lambda: Lomp(spec, hidden, readout, neighbours, alpha)
+    return lambda: Lomp(spec, hidden, readout, neighbours, alpha, one_readout)
 
 
 def neighbour_matrix(rows: int, cols: int, neighbours: int) -> torch.Tensor:
@@ -67,12 +68,14 @@ class Lomp(nn.Module):
 
     GRU_i is torch's: r, z = sigmoid(gate_input x + gate_state h + both biases), candidate
     c = tanh(candidate_input x + bias + r (candidate_state h + bias)), h1 = (1 - z) c + z h. Weights are
-    (elements, inputs, outputs), r before z, initialised per element as torch does for nn.GRU and nn.Linear; but P
-    starts near the identity, and the last layer of f at zero. With half the hidden units, the validation error after 8
-    epochs is 6.37 kPa so, and 7.26 with a P drawn as torch does.
+    (elements, inputs, outputs), (1, inputs, outputs) of one f for all, r before z, initialised per element as torch does
+    for nn.GRU and nn.Linear; but P starts near the identity, and the last layer of f at zero. With half the hidden units,
+    the validation error after 8 epochs is 6.37 kPa so, and 7.26 with a P drawn as torch does.
     """
 
-    def __init__(self, spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: float):
+    def __init__(
+        self, spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: float, one_readout: bool = False
+    ):
         super().__init__()
         self.spec, self.hidden, self.alpha = spec, hidden, alpha
         cells = spec.elements
@@ -91,8 +94,9 @@ class Lomp(nn.Module):
         self.block = (spec.map_rows // spec.rows, spec.map_cols // spec.cols)
         widths = [2 * hidden, *readout, self.block[0] * self.block[1]]
         pairs = list(zip(widths[:-1], widths[1:], strict=True))
-        self.readout = nn.ParameterList(_uniform(inputs, cells, inputs, outputs) for inputs, outputs in pairs)
-        self.readout_bias = nn.ParameterList(_uniform(inputs, cells, 1, outputs) for inputs, outputs in pairs)
+        of = 1 if one_readout else cells
+        self.readout = nn.ParameterList(_uniform(inputs, of, inputs, outputs) for inputs, outputs in pairs)
+        self.readout_bias = nn.ParameterList(_uniform(inputs, of, 1, outputs) for inputs, outputs in pairs)
         with torch.no_grad():  # P near the identity lets states through from frame to frame before it is trained
             self.update.mul_(SMALL).add_(torch.eye(hidden))
         for start_at_zero in (self.update_bias, self.readout[-1], self.readout_bias[-1]):
@@ -137,7 +141,7 @@ class Lomp(nn.Module):
             largest,
         )  # (cells, n, 2 hidden)
         p, last = both, len(self.readout) - 1
-        for layer, (weight, bias) in enumerate(zip(self.readout, self.readout_bias, strict=True)):
+        for layer, (weight, bias) in enumerate(self.readouts()):
             p = torch.baddbmm(bias, p, weight)
             if layer < last:
                 p = p.relu_()
@@ -145,11 +149,16 @@ class Lomp(nn.Module):
         maps = blocks.permute(2, 0, 3, 1, 4).reshape(len(x), self.spec.outputs)
         return maps, both[..., : self.hidden].detach()
 
+    def readouts(self) -> list[tuple[torch.Tensor, torch.Tensor]]:
+        """Return weights (elements, inputs, outputs) and biases (elements, 1, outputs) of each layer of f."""
+        layers = zip(self.readout, self.readout_bias, strict=True)
+        return [tuple(part.expand(self.spec.elements, -1, -1) for part in layer) for layer in layers]
+
     def macs(self, x: torch.Tensor) -> int:
         """Return the multiply-accumulates for windows x, biases and neighbour sums not counted."""
         per_frame = [self.gate_input, self.gate_state, self.candidate_input, self.candidate_state, self.update]
         recurrent = sum(weight.numel() for weight in per_frame) + self.spec.elements * self.message.numel()
-        return len(x) * (x.shape[1] * recurrent + sum(weight.numel() for weight in self.readout))
+        return len(x) * (x.shape[1] * recurrent + sum(weight.numel() for weight, _ in self.readouts()))
 
     def _buffers_for(self, x: torch.Tensor) -> "_Buffers":
         key = (*x.shape, x.dtype, x.device)
@@ -158,29 +167,6 @@ class Lomp(nn.Module):
         if self.buffers is None or self.buffers.key != key:
             self.buffers = _Buffers(x, self.hidden, key, self.buffers)
         return self.buffers
-
-
-class _OfOne(nn.Module):
-    """The weights of one element (1, inputs, outputs) as those of all (elements, inputs, outputs)."""
-
-    def __init__(self, elements: int):
-        super().__init__()
-        self.elements = elements
-
-    def forward(self, weight: torch.Tensor) -> torch.Tensor:
-        return weight.expand(self.elements, -1, -1)
-
-    def right_inverse(self, weights: torch.Tensor) -> torch.Tensor:
-        return weights[:1].clone()
-
-
-def alike(network: Lomp) -> Lomp:
-    """Return the network with the first element's weights for all elements, which are then trained as one."""
-    for module in (network, network.readout, network.readout_bias):
-        for name, weight in list(module.named_parameters(recurse=False)):
-            if weight.dim() == 3:  # those of the messages are shared already
-                register_parametrization(module, name, _OfOne(network.spec.elements))
-    return network
 
 
 def _uniform(fan_in: int, *shape: int) -> nn.Parameter:

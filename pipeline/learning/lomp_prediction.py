@@ -184,7 +184,7 @@ class Prediction:
             ),
             packed(network.message[None], network.message_bias[None, None]),
             packed(network.update, network.update_bias),
-            tuple(packed(weight, bias) for weight, bias in zip(network.readout, network.readout_bias, strict=True)),
+            tuple(packed(weight, bias) for weight, bias in network.readouts()),
             np.concatenate([[0], np.cumsum(adjacent.sum(1))]),
             np.flatnonzero(adjacent) % len(adjacent),
             np.float32(network.alpha),

@@ -1,13 +1,16 @@
-"""Build LoMP whose elements are alike: one set of weights for all of them, one frame or window at a time.
+"""Build LoMP with one read-out for all elements, which on an array of equal elements see more of what it is fitted to.
 
-Its equations and the network are in pipeline/learning/lomp_network.py, where only the messages' weights are shared.
+Its equations and the network are in pipeline/learning/lomp_network.py. GRU and P stay each element's own: eq. 3 adds
+messages up, so that an element tells neighbours apart by what their GRUs make of a reading. On frames of the recorded
+array (fold 0, 15 epochs) the validation RMSE is 3.90 % of contact with read-outs of their own, 3.85 with one, 4.20 with
+one P, too, 5.15 with one GRU but own read-outs, 5.22 with one of each, and 5.25 for a polynomial of the own reading.
 """
 
 from typing import Literal
 
 from pydantic import Field
 
-from pipeline.learning.lomp_network import alike, maker
+from pipeline.learning.lomp_network import maker
 from pipeline.learning.regressors import Spec
 from pipeline.models.lomp import WindowLomp
 from pipeline.settings.shared import Block, Listed, Number, Width
@@ -31,7 +34,6 @@ def build(
 ) -> WindowLomp:
     """Return the untrained network; settings and errors as `lomp`'s.
 
-    Differs from paper: not in the paper, whose elements each have a GRU, an update and a read-out of their own.
+    Differs from paper: not in the paper, whose elements each have a read-out of their own.
     """
-    make = maker(spec, hidden, readout, neighbours, alpha)
-    return WindowLomp(lambda: alike(make()), spec, training)
+    return WindowLomp(maker(spec, hidden, readout, neighbours, alpha, one_readout=True), spec, training)

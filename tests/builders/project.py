@@ -28,6 +28,7 @@ COMMAND_LINE = "pipeline.commands.command_line"
 SLOW_FIXTURES = {"miniature", "tab"}  # the whole pipeline, a browser
 PARTS = ("data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
+PARTS += ("data/sources/array_recorded/README.md",)
 PARTS += (".dvcignore", "constraints.txt", "dvc.yaml", "params", "params.yaml")
 PARTS += ("reports/material", "evidence/shards.yaml")
 

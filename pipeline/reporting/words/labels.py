@@ -21,7 +21,7 @@ LABELS = {
     "rnn": "RNN",
     "lomp": "LoMP",
     "lomp_stream": "LoMP streaming",
-    "lomp_shared": "LoMP, elements alike",
+    "lomp_shared": "LoMP, one read-out",
     "ridge": "Ridge, raw window",
     "esn": "Echo state network",
     "lstm_direct": "LSTM, direct",
