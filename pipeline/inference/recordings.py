@@ -79,7 +79,7 @@ def _recorded(place: Path, experiment: str) -> list[Path]:
     for folder in (place, *itertools.islice(whole.parents, 2), *below):
         with contextlib.suppress(InputError):  # it is not the folder that they lie in
             found += [path for path in module.recordings(folder) if path.absolute().is_relative_to(whole)]
-    listed = [Path(path).name for path in sources.files(experiment)]
+    listed = [Path(one).name for path in sources.files(experiment) for one in sources.members(path)]
     if len(set(listed)) == len(listed):  # their names tell them apart, so they may lie side by side
         found += sorted(path for path in place.rglob("*") if path.name in listed)
     if not found:

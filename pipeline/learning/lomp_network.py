@@ -68,9 +68,9 @@ class Lomp(nn.Module):
 
     GRU_i is torch's: r, z = sigmoid(gate_input x + gate_state h + both biases), candidate
     c = tanh(candidate_input x + bias + r (candidate_state h + bias)), h1 = (1 - z) c + z h. Weights are
-    (elements, inputs, outputs), (1, inputs, outputs) of one f for all, r before z, initialised per element as torch does
-    for nn.GRU and nn.Linear; but P starts near the identity, and the last layer of f at zero. With half the hidden units,
-    the validation error after 8 epochs is 6.37 kPa so, and 7.26 with a P drawn as torch does.
+    (elements, inputs, outputs), or (1, inputs, outputs) of one f for all, r before z, initialised per element as torch
+    does for nn.GRU and nn.Linear; but P starts near the identity, and the last layer of f at zero. With half the hidden
+    units, the validation error after 8 epochs is 6.37 kPa so, and 7.26 with a P drawn as torch does.
     """
 
     def __init__(

@@ -106,10 +106,15 @@ def test_a_comparison_is_seen(text):
     assert list(compared(ast.parse(text))) == [1] and not list(compared(ast.parse('area == "strain"')))
 
 
+def listed(name: str) -> list[str]:
+    """The files of a source, two of each row of numbered ones."""
+    return [one for path in sources.files(name) for one in sources.members(path)[:2]]
+
+
 def laid_out(name: str, folder: Path) -> None:
     """Empty files of recordings, placed and called as the experiment's own are."""
     log = experiments.log_name(name)
-    for path in [f"{one}/{day}/{log}" for one in "ab" for day in "cd"] if log else sources.files(name):
+    for path in [f"{one}/{day}/{log}" for one in "ab" for day in "cd"] if log else listed(name):
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).touch()
 
@@ -122,8 +127,12 @@ def test_predict_finds_the_recordings_that_the_experiment_finds(name, tmp_path):
     wanted = [path / log if log else path for path in experiments.module(name).recordings(tmp_path)]
     logs = recordings.logs(tmp_path, name)
     assert logs == wanted and len(wanted) > 1
-    called = [log] if log else [Path(path).name for path in sources.files(name)]  # as is a load cell's log beside one
-    assert {path.name for path in wanted} == set(called)
+    if wanted[0].is_dir() and not log:  # a recording is the files in it
+        of = [[path for path in wanted if path in (tmp_path / file).parents] for file in listed(name)]
+        assert all(len(found) == 1 for found in of) and {found[0] for found in of} == set(wanted)
+    else:
+        called = [log] if log else [Path(path).name for path in listed(name)]  # as is a load cell's log beside one
+        assert {path.name for path in wanted} == set(called)
     assert recordings.logs(wanted[0], name) == wanted[:1]
 
 

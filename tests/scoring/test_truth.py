@@ -14,6 +14,7 @@ VALUES = params.load(ROOT / "params.yaml")
 PERFECT = {"rmse": 0.0, "error": 0.0, "peak_error": 0.0, "location_error": 0.0, "force_error": 0.0}
 PERFECT |= {"touches_found": 1.0, "accuracy": 1.0, "macro_precision": 1.0}
 PERFECT |= {f"{press}{name}": 1.0 for press in ("", "press_") for name in ("r2", "r2_x", "r2_y", "r2_z")}
+PERFECT |= {"sum_ratio": 1.0, "away_rmse": 0.0}
 PERFECT |= {"press_error": 0.0, "force_rmse": 0.0, "force_r2": 1.0}
 
 
@@ -73,6 +74,25 @@ def test_velostat_recorded():
     assert check(score(truth, truth, VALUES["velostat_recorded"])) == {"rmse", "r2"}
 
 
+@pytest.mark.parametrize("contacts", [1, 2, 3])
+def test_contact(contacts):
+    """Discs of any size and place, in pieces where they overlap the edge, and as wide as the whole map."""
+    settings, rng = VALUES["array_recorded"], np.random.default_rng(contacts)
+    row, col = np.mgrid[:160, :160]
+    maps = []
+    for _ in range(300):
+        place, radius = rng.uniform(0, 160, (2, contacts)), rng.uniform(6, 14, contacts)
+        mask = np.zeros((160, 160), bool)
+        for y, x, r in zip(*place, radius, strict=True):
+            mask |= (row - y) ** 2 + (col - x) ** 2 <= r**2
+        maps.append(100 * mask.reshape(20, 8, 20, 8).mean(axis=(1, 3)).ravel())
+    truth = np.array(maps, np.float32)
+    expected = {"rmse", "r2", "touches_found", "sum_ratio", "away_rmse"}
+    assert check(metrics.contact(truth, truth, settings)) == expected
+    wrong = {row[0]: row[2] for row in metrics.contact(truth, np.roll(truth, 7, axis=0) / 2, settings)}
+    assert all(wrong[name] != PERFECT[name] for name in expected)
+
+
 @pytest.mark.parametrize("outputs", [(0, 1), (2,), (0, 1, 2)])
 @pytest.mark.parametrize("press", [-1, 3])
 def test_strain(outputs, press):
@@ -95,4 +115,4 @@ def test_glove():
 @pytest.mark.parametrize("experiment", VALUES["experiments"])
 def test_every_experiment_has_its_metrics_here(experiment):
     module = experiments.module(experiment)
-    assert module.KIND in ("series", "images") or module.SCORES in ("touch", "velostat_recorded")
+    assert module.KIND in ("series", "images") or module.SCORES in ("touch", "velostat_recorded", "contact")
