@@ -15,7 +15,6 @@ from builders import browser
 from builders.project import ROOT, SLOW_FIXTURES, Project, run_miniature
 from threadpoolctl import threadpool_limits
 
-from pipeline.base import files
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.logs import sources
@@ -133,11 +132,13 @@ def recordings(tmp_path_factory):
     def find(name: str) -> Path:
         listed, elsewhere = sources.files(name), os.environ.get("TACTILE_RECORDINGS")
         for folder in [sources.folder(Workspace(ROOT), name), *([Path(elsewhere) / name] if elsewhere else [])]:
-            places = {path: (folder / path, folder / Path(path).name) for path in listed}
-            present = {path: next(filter(Path.is_file, two), None) for path, two in places.items()}
+            names = {one: path for path in listed for one in sources.members(path)}
+            places = {one: (folder / one, *([folder / Path(one).name] if one in listed else [])) for one in names}
+            present = {one: next(filter(Path.is_file, two), None) for one, two in places.items()}
             if not any(present.values()):
                 continue
-            wrong = [path for path, file in present.items() if file is None or files.sha256(file) != listed[path]]
+            of = {path: {one: present[one] for one in sources.members(path)} for path in listed}
+            wrong = [path for path in listed if None in of[path].values() or sources.digest(of[path]) != listed[path]]
             assert not wrong, (
                 f"{folder}: {len(wrong)} of {len(listed)} recordings are missing or changed, as {wrong[0]}"
             )

@@ -40,6 +40,7 @@ CASES = {
     "convlstm": Case("touch", MAPS, dict(filters=3, training=WINDOW_TRAINING)),
     "rnn": Case("touch", MAPS, dict(layers=2, hidden=8, training=WINDOW_TRAINING)),
     "lomp": Case("touch", MAPS, dict(LOMP, training=WINDOW_TRAINING)),
+    "lomp_shared": Case("touch", MAPS, dict(LOMP, training=WINDOW_TRAINING)),
     "lomp_stream": Case("touch", MAPS, dict(LOMP, training=STREAM_TRAINING)),
     "lstm_direct": Case("strain", SERIES, dict(units=6, training=SEQUENCE_TRAINING)),
     "lstm_transfer": Case("strain", SERIES, dict(training=SEQUENCE_TRAINING)),

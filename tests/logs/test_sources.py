@@ -216,3 +216,80 @@ def test_command_line(monkeypatch, capsys):
 def test_size_is_that_of_the_recordings(name, recordings):
     folder = recordings(name)
     assert sum((folder / path).stat().st_size for path in sources.files(name)) == experiments.facts(name).source.size
+
+
+@pytest.fixture
+def numbered(monkeypatch, tmp_path):
+    """A source of one file and of three that are numbered, which have one digest, and its local folder."""
+    content = {"a/one.txt": b"1.0\n"} | {f"b/{k:03d}.npz": b"frame %d" % k for k in range(9, 12)}
+    digests = {path: hashlib.sha256(data).hexdigest() for path, data in content.items()}
+    lines = "".join(f"{digests[path]}  {path}\n" for path in sorted(content) if path.startswith("b/"))
+    listed = {"a/one.txt": digests["a/one.txt"], "b/{009..011}.npz": hashlib.sha256(lines.encode()).hexdigest()}
+    monkeypatch.setattr(sources, "files", lambda name: listed)
+    local = tmp_path / "numbered"
+    for path, data in content.items():
+        (local / path).parent.mkdir(parents=True, exist_ok=True)
+        (local / path).write_bytes(data)
+    return local
+
+
+def test_numbered_files_are_copied_checked_and_repaired_together(workspace, numbered):
+    name, folder = "array_recorded", sources.folder(workspace, "array_recorded")
+    assert fetch.state(workspace, name) == "absent" and not sources.is_complete(workspace, name)
+    assert fetch.fetch(workspace, name, numbered) == (4, 0) and sources.is_complete(workspace, name)
+    assert fetch.fetch(workspace, name, numbered) == (0, 4) and fetch.state(workspace, name) == "complete"
+    (folder / "b" / "010.npz").write_bytes(b"damaged")
+    assert fetch.state(workspace, name) == "partly: 1 of 4 files, 3 wrong"
+    with pytest.raises(
+        InputError, match=r"b/\{009\.\.011\}\.npz: are not the recorded files \(their SHA-256 differs\)"
+    ):
+        sources.is_complete(workspace, name)
+    assert fetch.fetch(workspace, name, numbered) == (3, 1) and sources.is_complete(workspace, name)
+    (folder / "b" / "011.npz").unlink()
+    assert fetch.state(workspace, name) == "partly: 1 of 4 files"
+    with pytest.raises(InputError, match=r"b/011\.npz: is missing; run `tactile fetch array_recorded`"):
+        sources.is_complete(workspace, name)
+
+
+def test_numbered_files_that_are_wrong_are_not_put_in_place(workspace, numbered):
+    folder = sources.folder(workspace, "array_recorded")
+    (numbered / "b" / "009.npz").write_bytes(b"frame 10")
+    (numbered / "b" / "010.npz").write_bytes(b"frame 9")  # the same contents under other names
+    with pytest.raises(InputError, match=r"b/\{009\.\.011\}\.npz: SHA-256 is .*, expected"):
+        fetch.fetch(workspace, "array_recorded", numbered)
+    assert [path.name for path in folder.rglob("*") if path.is_file()] == ["one.txt"]
+    (numbered / "b" / "009.npz").replace(numbered / "009.npz")  # its name alone does not tell where it belongs
+    with pytest.raises(InputError, match=r"009\.npz: not found; --from"):
+        fetch.fetch(workspace, "array_recorded", numbered)
+
+
+@pytest.mark.parametrize("cut", [None, 3])
+def test_numbered_files_are_downloaded_and_a_cut_download_goes_on(workspace, numbered, monkeypatch, cut):
+    with Server() as server:
+        server.content = {path.relative_to(numbered).as_posix(): path.read_bytes() for path in numbered.rglob("*.*")}
+        server.cut = cut
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        monkeypatch.setattr(sources, "address", lambda origin, path: server.address("", path))
+        for _ in range(8 if cut else 0):
+            try:
+                fetch.fetch(workspace, "array_recorded")
+                break
+            except InputError as error:
+                assert "the connection ended after" in str(error)
+        if cut is None:
+            assert fetch.fetch(workspace, "array_recorded") == (4, 0)
+        assert sources.is_complete(workspace, "array_recorded")
+        server.shutdown()
+    assert not list(sources.folder(workspace, "array_recorded").rglob("*.part"))
+
+
+def test_the_digest_of_numbered_files_is_that_of_sha256sum(numbered):
+    there = {one: numbered / one for one in sources.members("b/{009..011}.npz")}
+    assert list(there) == ["b/009.npz", "b/010.npz", "b/011.npz"]
+    assert sources.digest(there) == sources.files("")["b/{009..011}.npz"]
+
+
+def test_the_frames_of_the_array_are_listed_by_session():
+    listed = sources.files("array_recorded")
+    files = [one for path in listed for one in sources.members(path)]
+    assert len(listed) == 30 and len(set(files)) == 28_099 and {"P01/1/npz/0000.npz", "P10/3/npz/0296.npz"} < set(files)

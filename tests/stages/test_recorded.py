@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from builders import grasps, strain_workspaces
+from builders import contact_frames, grasps, strain_workspaces
 from builders.project import ROOT, leaves, run_stage
 from opened.noted import Noted, ignore_bookkeeping
 
+from pipeline import experiments
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import predict
@@ -26,6 +27,7 @@ PROTOCOLS = {
     "velostat_recorded": ("repetition", "pike1_force_20"),
     "strain_recorded": ("within_day_xy", "across_days_xy", "new_places_xy"),
     "glove_recorded": ("grasp_pressure", "grasp_combined", "grasp_strain"),
+    "array_recorded": ("fold_0", "two_too_1"),
 }
 
 
@@ -57,6 +59,7 @@ def made_glove(folder):
 
 
 MADE = {"velostat_recorded": made_velostat, "strain_recorded": made_strain, "glove_recorded": made_glove}
+MADE_ALL = MADE | {"array_recorded": contact_frames.sessions}  # of which no log is predicted
 
 
 @pytest.fixture
@@ -70,7 +73,7 @@ def stages(workspace, monkeypatch):
         monkeypatch.setattr(sources, "is_complete", lambda workspace, name: True)
         monkeypatch.setattr(sources, "folder", lambda workspace, name: folder)
         monkeypatch.setattr(params, "load", lambda _: values)
-        windows = [window] if experiment == "velostat_recorded" else []
+        windows = [window] if experiments.module(experiment).KIND == "windows" else []
         for module in [ingest, *windows, dataset, train, evaluate, *more]:
             run_stage(monkeypatch, workspace, module, experiment)
 
@@ -82,11 +85,11 @@ def settings(experiment, model):
     values = params.load(ROOT / "params.yaml")
     block = values[experiment]
     block["models"] = {model: block["models"][model]}
-    block["protocols"] = {name: block["protocols"][name] for name in PROTOCOLS[experiment]}
+    block["protocols"] = {name: block["protocols"][name] | {"seeds": [0]} for name in PROTOCOLS[experiment]}
     return values
 
 
-@pytest.mark.parametrize("experiment", MADE)
+@pytest.mark.parametrize("experiment", MADE_ALL)
 def test_every_setting_of_recorded_data_is_read(workspace, experiment, stages, tmp_path, monkeypatch):
     """All stages on recordings that are made up here, with settings that note what is read of them."""
     values, read = settings(experiment, "constant"), set()
@@ -94,7 +97,7 @@ def test_every_setting_of_recorded_data_is_read(workspace, experiment, stages, t
     values["stress"][experiment]["protocols"] = list(PROTOCOLS[experiment][:1])
     if experiment == "strain_recorded":
         values["stress"][experiment]["perturbations"]["time"] = [0.3, 0.6]  # minutes: these days are short
-    MADE[experiment](tmp_path / "made")
+    MADE_ALL[experiment](tmp_path / "made")
     ignore_bookkeeping(monkeypatch.setattr)
     stages(experiment, tmp_path / "made", Noted(values, read), [latency, stress])
     scores = pd.read_csv(workspace.scores(experiment))
