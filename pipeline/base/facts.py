@@ -58,8 +58,9 @@ class Facts:
     compared: tuple[str, ...]  # protocols of which MLflow compares the first that was run
     score: str  # by which MLflow compares
     tested: Mapping[tuple[str, str], str] = field(default_factory=dict)  # (protocol, condition) of stress, in words
-    sheet: str  # the function of pipeline/sheet/sources.py that makes its sensors for the data sheet; empty: none
+    sheet: str  # the function of pipeline/sheet/sources.py that makes its sensors for the data sheet
     pooled: tuple[str, ...] = ()  # name of all test windows of a run together
+    stream: bool = True  # frames follow one another; else there is neither a data sheet nor a prediction of a log
     subject: str = ""  # column of the dataset: of whom a row is, who is drawn anew before what is of one
     # Of sensors that people record themselves.
     log: str | None = None  # the sensor's log in the folder of a recording

@@ -38,6 +38,7 @@ FACTS = Facts(
     compared=("fold_0",),
     score="main/two.rmse",
     sheet="",
+    stream=False,
     tested={("fold_0", "one"): "one contact", ("fold_0", "two"): "two contacts", ("fold_0", "three"): "three contacts"},
     subject="person",
     source=Source(

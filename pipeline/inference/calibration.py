@@ -61,7 +61,7 @@ def calibrated(workspace: Workspace, values: Mapping, card: cards.Card, refit: b
     without that part was not fitted yet and must not be now (`refit` is false). Raises InputError where the run has not
     been trained.
     """
-    if not workspace.dataset(card.experiment).exists():
+    if not workspace.dataset(card.experiment).exists() or not experiments.facts(card.experiment).stream:
         return card
     kept = workspace.calibration(card.experiment, card.model, card.protocol, card.seed)
     if kept.exists():

@@ -53,7 +53,7 @@ class Inputs(Part):
 class Outputs(Part):
     """What one prediction is: values in `unit`; `names` of the outputs where they are no map."""
 
-    unit: Literal["kPa", "N", "mm", "probability"]
+    unit: Literal["kPa", "% contact", "N", "mm", "probability"]
     names: list[Words] | None = None
     touch_kpa: Positive | None = None  # peak of a map from which on it is a touch
     force_gain: Positive | None = None  # of a pressure map: force on the load cells in N over the map's integral in N
@@ -142,7 +142,7 @@ class Card(Part):
 
     @property
     def output_shape(self) -> tuple[int, ...]:
-        """Shape of one prediction: (map_rows, map_cols) in kPa or N, (outputs,) in mm, or (classes,)."""
+        """Shape of one prediction: (map_rows, map_cols) in kPa, % contact or N, (outputs,) in mm, or (classes,)."""
         shapes = self.shapes
         return (shapes.map_rows, shapes.map_cols) if self.kind == "windows" else (shapes.map_rows * shapes.map_cols,)
 

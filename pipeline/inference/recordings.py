@@ -124,6 +124,10 @@ def read(path: Path, name: str, card: Card) -> Recording:
     """
     experiment, settings = card.experiment, card.reading
     module = experiments.module(experiment)
+    if not module.FACTS.stream:
+        raise InputError(
+            f"{path}: frames of {experiment} do not follow one another, so that they are not read as a log"
+        )
     limit = f"{experiment}.ingest.max_reject_fraction"
     if not log_name(experiment) or module.KIND == "images":
         frames, rejects, _ = module.read_recording(path.parent if log_name(experiment) else path, settings)

@@ -17,10 +17,11 @@ from pipeline.logs import sources
 def digests(workspace: Workspace, settings: Mapping, experiment: str) -> dict[str, str] | None:
     """Return `condition/recording` -> digest of the sensor's log of all recordings that ingest read.
 
-    settings: the block of the experiment. None where the logs are no longer here, or are others than ingest read.
+    settings: the block of the experiment. None where the logs are no longer here, or are others than ingest read,
+    and of frames that are no log.
     """
     report = workspace.ingest_report(experiment)
-    if not report.is_file():
+    if not report.is_file() or not facts(experiment).stream:
         return None
     with foreign.reading(report, "a report of ingest", f"run `python -m pipeline.stages.ingest {experiment}`"):
         names = list(json.loads(report.read_text(encoding="utf-8")).get("recordings", {}))

@@ -30,6 +30,8 @@ def sensors(experiment: str, name: str, folder: Path, settings: Mapping, simulat
     holds the logs of the scene. Raises InputError as ingest does.
     """
     module = experiments.module(experiment)
+    if not module.FACTS.stream:
+        raise InputError(f"{experiment}: its frames do not follow one another, so that there is no data sheet of it")
     paths = [path for path in module.recordings(folder) if not simulated or of_first_specimen(experiment, path.name)]
     chosen = [path for path in paths if getattr(module, "shows_loading", all_alike)(path, settings)] or paths
     read = [module.read_recording(path, settings)[0] for path in chosen]
@@ -43,9 +45,7 @@ def of_frames(
     experiment: str, name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool = False
 ) -> list[Sensor]:
     """Return the sensors of recordings that have been read, by the function that the facts of the experiment name."""
-    if not (sheet := experiments.facts(experiment).sheet):
-        raise InputError(f"{experiment}: its frames do not follow one another, so that there is no data sheet of it")
-    return globals()[sheet](name, read, settings, simulated)
+    return globals()[experiments.facts(experiment).sheet](name, read, settings, simulated)
 
 
 def of_first_specimen(experiment: str, name: str) -> bool:

@@ -18,6 +18,7 @@ from pipeline.base.errors import InputError
 from pipeline.commands import predict
 from pipeline.inference import recordings as logs
 from pipeline.logs import sources
+from pipeline.sheet import sources as sheets
 from pipeline.stages import agreement, dataset, evaluate, ingest, latency, stress, train, window
 
 # A model in closed form of each, which every processor fits to the same digits but the last (RBF-Net is none: of six
@@ -85,7 +86,8 @@ def settings(experiment, model):
     values = params.load(ROOT / "params.yaml")
     block = values[experiment]
     block["models"] = {model: block["models"][model]}
-    block["protocols"] = {name: block["protocols"][name] | {"seeds": [0]} for name in PROTOCOLS[experiment]}
+    asked = {name: block["protocols"][name] for name in PROTOCOLS[experiment]}
+    block["protocols"] = {name: each | {"seeds": each["seeds"] or [0]} for name, each in asked.items()}
     return values
 
 
@@ -131,6 +133,18 @@ def check_scores(workspace, experiment, values, found: dict[str, dict]):
         assert (each["scores"] is None) == (own != {"test"}) and each.get("not_scored", reason).startswith(reason)
         assert f"test part of `{RUN[experiment]}`, seed {seed}" == each["held_out_of"]
     return sum(each["scores"] is not None for each in found.values()), len(found)
+
+
+def test_frames_that_are_no_stream_are_not_predicted_as_a_log(workspace, stages, tmp_path):
+    values, folder = settings("array_recorded", "linear"), tmp_path / "made"
+    contact_frames.sessions(folder)
+    stages("array_recorded", folder, values)
+    name = f"array_recorded/linear/{PROTOCOLS['array_recorded'][0]}/0"
+    asked = argparse.Namespace(model=name, logs=folder / "P01", out=tmp_path / "out", no_pictures=True)
+    with pytest.raises(InputError, match="2 of 2 logs|frames of array_recorded do not follow one another"):
+        predict.main(workspace, asked)
+    with pytest.raises(InputError, match="array_recorded: its frames do not follow one another.*no data sheet"):
+        sheets.sensors("array_recorded", "array_recorded", folder, values["array_recorded"])
 
 
 @pytest.mark.parametrize("experiment", MADE)
