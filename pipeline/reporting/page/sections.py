@@ -49,13 +49,14 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     judged = claims.read(workspace)
     shown = {name: why_not_shown(workspace, name) for name in values["experiments"]}
     data = {name: data_of(name, block) for name, block in values.items() if name in shown}
-    speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
+    papers = entries.papers(workspace)
+    of_papers = {name for paper in papers.values() for name in (paper.simulated, paper.recorded)}  # which have a report
+    speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason and name in of_papers}
     failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
     results = one_table.results(workspace, one_table.of_own_logs(values))
     found = answers.answers(workspace, judged, results, content, values)
     ratios.chart(workspace.reports / answers.CHART, {one.heading: one.points for one in found}, BAND)
     answers.write_readme(workspace, found)
-    papers = entries.papers(workspace)
     simulated = {key: (paper.simulated, paper.title) for key, paper in papers.items() if paper.simulated in speeds}
     titled = [
         last_panel(speeds[name], title, content["answers"][paper]["conditions"])
