@@ -39,6 +39,7 @@ MODELS = {
         "convlstm": (BOTH, dict(filters=8) | WINDOWED),
         "vgg": (BOTH, dict(channels=[32] * 5, training=WINDOWED["training"] | {"epochs": 30, "batch_size": 32})),
         "lomp": (BOTH, LOMP | WINDOWED),
+        "lomp_shared": (BOTH, LOMP | WINDOWED),
         "lomp_stream": (BOTH, LOMP | {"training": LEARNING}),
         "window_trees": (BOTH, dict(trees=200, min_samples_leaf=5)),
         "window_ridge": (BOTH, dict(parts=4, shares=False)),

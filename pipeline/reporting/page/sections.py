@@ -47,11 +47,12 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     """
     content = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
     judged = claims.read(workspace)
-    shown = {name: why_not_shown(workspace, name) for name in values["experiments"]}
-    data = {name: data_of(name, block) for name, block in values.items() if name in shown}
     papers = entries.papers(workspace)
-    of_papers = {name for paper in papers.values() for name in (paper.simulated, paper.recorded)}  # which have a report
-    speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason and name in of_papers}
+    of_papers = {name for paper in papers.values() for name in (paper.simulated, paper.recorded)}
+    asked = [name for name in values["experiments"] if name in of_papers or has_report(workspace, name)]
+    shown = {name: why_not_shown(workspace, name) for name in asked}
+    data = {name: data_of(name, block) for name, block in values.items() if name in shown}
+    speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
     failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
     results = one_table.results(workspace, one_table.of_own_logs(values))
     found = answers.answers(workspace, judged, results, content, values)
