@@ -38,6 +38,7 @@ FACTS = Facts(
     metric="accuracy",
     compared=("grasp_combined",),
     score="main/combined.macro_precision",
+    first_tested=("grasp_combined", "combined"),
     sheet="hand",
     tested={
         ("grasp_pressure", "pressure"): "pressure",

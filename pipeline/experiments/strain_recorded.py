@@ -26,6 +26,7 @@ FACTS = Facts(
     metric="error",
     compared=("across_days_xy",),
     score="main/day_2.error",
+    first_tested=("across_days_xy", "day_2"),
     sheet="recorded_strands",
     tested={("within_day_xy", "day_1"): "within a day", ("across_days_xy", "day_2"): "across days"},
     source=Source(

@@ -29,6 +29,7 @@ FACTS = Facts(
     metric="rmse",
     compared=("random_window", "press"),
     score="main/double.rmse",
+    first_tested=("press", "double"),
     sheet="array",
     tested={
         ("press", "single"): "single touches",
