@@ -82,7 +82,7 @@ def stability(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFra
         if name != "helped" or len(table):
             files.write_table(folder / f"{name}.csv", table)
     told = {"starts": starts(joined["starts"]), "helped": helped(joined["helped"]) if len(joined["helped"]) else None}
-    told |= {"worse": verdicts.WORSE, "draws": verdicts.DRAWS, "span": verdicts.SPAN, "drawn": figures.DRAWN}
+    told |= {"worse": verdicts.WORSE, "draws": verdicts.DRAWS, "span": verdicts.SPAN, "highest": figures.HIGHEST}
     files.write_text(folder / "README.md", render("stability", parts=parts, **told))
     return stress[COLUMNS]
 
@@ -177,7 +177,7 @@ def panels(runs: pd.DataFrame, rows: pd.DataFrame) -> list[figures.Panel]:
     """Return what is drawn of a condition: tests with two severities or more, of the models with the least error."""
     best = rows.drop_duplicates("model").sort_values("clean", kind="stable")["model"].head(figures.DRAWN)
     drawn = []
-    for (_, _, test), models in verdicts.groups(runs):
+    for (_, _, test), models in verdicts.groups(runs[runs["model"].isin([*best, FLOOR])]):
         own = rows[rows["perturbation"] == test]
         curves = {}
         for model in best:
@@ -221,52 +221,41 @@ def findings(
     at = {test: known[(known["perturbation"] == test[0]) & (known["direction"] == test[1])] for test in order}
     lost = {test: own[own["half_at"].notna()] for test, own in at.items()}
     first = next((test for test in order if len(lost[test])), None)
-    given["first"] = _first(lost[first], at[first], known) if first else None
+    given["first"] = _first(lost[first], at[first]) if first else None
     held = [test for test in reversed(order) if lost[test].empty]
-    given["held"] = [_up_to(test, at[test], known) for test in sorted(held, key=list(at).index)]
+    given["held"] = [_up_to(test, at[test]) for test in sorted(held, key=list(at).index)]
     most = min(order, key=lambda test: len(lost[test]) / len(at[test]))
     kept = len(at[most]) - len(lost[most])
-    given["most"] = {"test": _up_to(most, at[most], known), "kept": kept, "of": len(at[most])} if kept else None
+    given["most"] = {"test": _up_to(most, at[most]), "kept": kept, "of": len(at[most])} if kept else None
     instead = sorted(verdicts.better(runs, known), key=lambda each: each.error / each.of_best)[:NAMED]
-    given["instead"] = [
-        {
-            "model": model_name(each.model),
-            "where": _at_severity(each, at[each.perturbation, each.direction], known),
-            "error": error(each.error),
-            "of_best": error(each.of_best),
-        }
-        for each in instead
-    ]
+    given["instead"] = {}
+    for each in instead:
+        where = f"{perturbation(each.perturbation)[0]} at {severity(each.severity)}"
+        told = f"{where} ({error(each.error)} in place of {error(each.of_best)})"
+        given["instead"].setdefault(model_name(each.model), []).append(told)
     given["never"] = known[(known["model"] == best["model"]) & known["half_at"].notna()].empty
     given["seeds"], given["fewest"] = int(best["seeds"]), results.FEWEST
     return _sentences(given)
 
 
-def _first(lost: pd.DataFrame, own: pd.DataFrame, known: pd.DataFrame) -> dict:
+def _first(lost: pd.DataFrame, own: pd.DataFrame) -> dict:
     """Return what is said of the test that takes half of the skill first; lost: rows of the models that lose it."""
     order = lost.assign(size=lost["half_at"].abs()).sort_values("size", kind="stable")
     ends = [{"model": model_name(row["model"]), "at": half_at(row)} for row in order.to_dict("records")]
     kept = [model_name(model) for model in own["model"] if model not in set(lost["model"])]
-    test = (own["perturbation"].iloc[0], own["direction"].iloc[0])
-    said = {"test": _test(test, known), "unit": own["unit"].iloc[0], "lost": len(lost), "of": len(own)}
+    said = {
+        "test": perturbation(own["perturbation"].iloc[0])[0],
+        "unit": own["unit"].iloc[0],
+        "lost": len(lost),
+        "of": len(own),
+    }
     return said | {"earliest": ends[0], "latest": ends[-1], "kept": kept[:NAMED], "more": len(kept[NAMED:])}
 
 
-def _test(test: tuple[str, str], known: pd.DataFrame) -> str:
-    """Return a test in the middle of a sentence."""
-    name = test_name(*test, known)
-    return name[:1].lower() + name[1:]
-
-
-def _up_to(test: tuple[str, str], own: pd.DataFrame, known: pd.DataFrame) -> str:
+def _up_to(test: tuple[str, str], own: pd.DataFrame) -> str:
     """Return a test and the largest severity of it that was tried."""
     way = {UP: "up to", DOWN: "down to"}[test[1]]
-    return f"{_test(test, known)} ({way} {own['largest'].iloc[0]:g}, {own['unit'].iloc[0]})"
-
-
-def _at_severity(each: verdicts.Better, own: pd.DataFrame, known: pd.DataFrame) -> str:
-    """Return the test and severity at which another model is better."""
-    return f"{_test(each[:2], known)} of {severity(each.severity)} ({own['unit'].iloc[0]})"
+    return f"{perturbation(test[0])[0]} ({way} {own['largest'].iloc[0]:g})"
 
 
 def _sentences(given: Mapping) -> dict[str, str]:

@@ -8,12 +8,13 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pipeline.claims.stability import LINEAR, LOG
+from pipeline.claims.stability import LOG
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import BLACK, GREY, model_style
 
 COLUMNS = 4
 DRAWN = 5  # models a panel at most: those with the least clean error
+APART, MARGIN = 0.13, 0.04  # of an axis: between two of its numbers, and beyond its ends
 HIGHEST = 1.6  # times the constant model's clean error: what is above leaves the panel
 
 
@@ -69,16 +70,16 @@ def small_multiples(path: Path, panels: Sequence[Panel], floor: float, ylabel: s
 def _severity_axis(ax: plt.Axes, panel: Panel) -> None:
     """Set the axis of severities: straight from 0 to the smallest one, and logarithmic above it where that is LOG."""
     levels = sorted({float(each) for curve in panel.curves.values() for each in curve.severities})
-    sizes = [abs(each) for each in levels if each]
     if panel.axis == LOG:
-        ax.set_xscale("symlog", linthresh=min(sizes), linscale=0.5)
-    ticks = levels
-    if panel.axis == LINEAR and len(levels) > 1:  # numbers that would touch are left out
-        apart, ticks = (levels[-1] - levels[0]) / 9, [0.0]
-        for each in sorted(levels, key=abs, reverse=True):
-            if all(abs(each - other) > apart for other in ticks):
-                ticks.append(each)
-    ax.set_xticks(sorted(ticks), [f"{each:g}" for each in sorted(ticks)])
+        ax.set_xscale("symlog", linthresh=min(abs(each) for each in levels if each), linscale=0.5)
+    places = ax.xaxis.get_transform().transform(np.array(levels))
+    width, ticks = places[-1] - places[0], []
+    for at in sorted(range(len(levels)), key=lambda each: (levels[each] != 0, each % (len(levels) - 1) != 0)):
+        if all(abs(places[at] - places[other]) > APART * width for other in ticks):
+            ticks.append(at)
+    margin = np.array([places[0] - MARGIN * width, places[-1] + MARGIN * width])
+    ax.set_xlim(ax.xaxis.get_transform().inverted().transform(margin))
+    ax.set_xticks([levels[at] for at in sorted(ticks)], [f"{levels[at]:g}" for at in sorted(ticks)])
     ax.minorticks_off()
     ax.axvline(0, color=GREY, linewidth=0.6)
     ax.set_xlabel(panel.unit)
