@@ -19,6 +19,7 @@ Two kinds of test have no severity at which something is lost, and are told by t
 are numbers of other sensors, which have no order, and one without a severity 0, as three touches have.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -48,7 +49,7 @@ FAILURES += ["unit", "axis", "all_low", "all_high", "largest", "half_note", "all
 FAILURES += ["usable", "failed"]
 UNUSABLE = ["experiment", "protocol", "condition", "model", "clean", "floor", "usable", "seeds", "failed"]
 STARTS = ["experiment", "model", "starts", "failed", "worse", "protocols", "third", "thrice", "rate_seeds"]
-RATE = "rate_"  # and a number: variants trained at so many times their learning rate
+RATE = re.compile(r"(?:^|_)rate_([\d.]+)$")  # variants trained at so many times their learning rate
 THIRD, THRICE = 1 / 3, 3.0
 WORSE = 2.0  # times the median of the starts
 
@@ -368,10 +369,10 @@ def starts(rows: pd.DataFrame, experiment: str) -> pd.DataFrame:
 def _rates(rows: pd.DataFrame, experiment: str, model: str) -> tuple[tuple[float, float], int]:
     """Return the error of a model at a third and at three times its learning rate over that at the rate, and seeds."""
     own = as_error(rows, experiment)
-    own = own[(own["model"] == model) & own["variant"].fillna("").str.startswith(RATE)]
+    own = own[(own["model"] == model) & [bool(RATE.search(name)) for name in own["variant"].fillna("")]]
     if own.empty:
         return (np.nan, np.nan), 0
-    times = pd.to_numeric(own["variant"].str.removeprefix(RATE))
+    times = own["variant"].map(lambda name: float(RATE.search(name)[1]))
     errors = own.assign(times=times).pivot(index=["protocol", "condition", "seed"], columns="times", values="error")
     ratios = []
     for wanted in (THIRD, THRICE):
