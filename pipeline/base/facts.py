@@ -58,6 +58,7 @@ class Facts:
     compared: tuple[str, ...]  # protocols of which MLflow compares the first that was run
     score: str  # by which MLflow compares
     tested: Mapping[tuple[str, str], str] = field(default_factory=dict)  # (protocol, condition) of stress, in words
+    drawn: tuple[str, ...] = ()  # protocols whose predictions figures of the reports show
     sheet: str  # the function of pipeline/sheet/sources.py that makes its sensors for the data sheet
     pooled: tuple[str, ...] = ()  # name of all test windows of a run together
     # Of sensors that people record themselves.

@@ -27,6 +27,7 @@ FACTS = Facts(
     metric="accuracy",
     compared=("random_frames_combined", "session_combined"),
     score="main/combined.macro_precision",
+    drawn=("session_pressure", "session_strain", "session_combined"),
     sheet="areas_of_glove",
     tested={
         ("session_pressure", "pressure"): "pressure",

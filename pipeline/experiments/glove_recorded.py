@@ -38,6 +38,7 @@ FACTS = Facts(
     metric="accuracy",
     compared=("grasp_combined",),
     score="main/combined.macro_precision",
+    drawn=("grasp_pressure", "grasp_strain", "grasp_combined"),
     sheet="hand",
     tested={
         ("grasp_pressure", "pressure"): "pressure",

@@ -22,6 +22,7 @@ FACTS = Facts(
     metric="error",
     compared=("task_2",),
     score="main/task_2.error",
+    drawn=("task_1", "task_2"),
     sheet="strands",
     log="daq.log",
     truth=("robot.log",),

@@ -29,6 +29,7 @@ FACTS = Facts(
     metric="rmse",
     compared=("random_window", "press"),
     score="main/double.rmse",
+    drawn=("press",),
     sheet="array",
     tested={
         ("press", "single"): "single touches",

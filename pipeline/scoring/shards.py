@@ -6,11 +6,13 @@ evidence/shards.yaml are sets, one for each amount of data; shards are called `<
 * results/<shard>.csv: rows of the one table of results.
 * studies/<experiment>/<table>-<seed>.csv: in place of that, the tables of a study, a set with the key `study`.
 * curves/<shard>.csv: losses over epochs, CURVE_POINTS of each training.
-* index.csv: of each shard its digest, costs, machine and commit; times.csv: seconds of each training.
+* kept/<shard>.parquet: what figures draw of it, see `kept`; stress/<shard>.csv: scores on perturbed data. Not of all.
+* index.csv: of each shard its digest, costs, machine and commit, and the digest of its two last files, if it has them;
+  times.csv: seconds of each training.
 """
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,6 +27,9 @@ from pipeline.settings.shards import ShardSet
 
 BUDGETS = (HALF, FULL)
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
+INDEX += ["kept_sha256"]
+STRESS = ["experiment", "protocol", "condition", "model", "variant", "seed", "budget", "perturbation", "severity"]
+STRESS += ["metric", "unit", "value", "n"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
 STUDY = "study"  # in the column `protocol` of index.csv, for a study
 NUMBERS = {"seed": int, "epochs": float, "core_s": float, "train_s": float}  # columns of both
@@ -107,6 +112,36 @@ def named(each: ShardSet) -> str:
 def result_file(workspace: Workspace, shard: str) -> Path:
     """Return the file that keeps the rows of a shard of this name."""
     return folder(workspace) / "results" / f"{shard}.csv"
+
+
+def kept_file(workspace: Workspace, shard: str) -> Path:
+    """Return the file that keeps what figures draw of a shard of this name."""
+    return folder(workspace) / "kept" / f"{shard}.parquet"
+
+
+def stress_file(workspace: Workspace, shard: str) -> Path:
+    """Return the file that keeps the scores of a shard of this name on perturbed data."""
+    return folder(workspace) / "stress" / f"{shard}.csv"
+
+
+def kept_sha256(workspace: Workspace, shard: str) -> str:
+    """Return the digest of what a shard has of `kept_file` and `stress_file`; empty where it has neither."""
+    there = [path for name in (kept_file, stress_file) if (path := name(workspace, shard)).exists()]
+    return digest(there) if there else ""
+
+
+def checked(workspace: Workspace, file: Callable[[Workspace, str], Path]) -> Iterator[tuple[pd.Series, Path]]:
+    """Yield (line of the index, file) of the shards that have one; file: `kept_file` or `stress_file`.
+
+    Raises InputError where it is not as indexed.
+    """
+    index = folder(workspace) / "index.csv"
+    for _, row in table(index, INDEX).iterrows():
+        path = file(workspace, row["shard"])
+        if kept_sha256(workspace, row["shard"]) != row["kept_sha256"]:
+            raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row['shard']}` again")
+        if path.exists():
+            yield row, path
 
 
 def study_file(workspace: Workspace, experiment: str, table: str, seed: int) -> Path:
