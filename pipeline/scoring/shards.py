@@ -5,9 +5,10 @@ evidence/shards.yaml are sets, one for each amount of data; shards are called `<
 
 * results/<shard>.csv: rows of the one table of results.
 * studies/<experiment>/<table>-<seed>.csv: in place of that, the tables of a study, a set with the key `study`.
+* stress/<shard>.csv: rows as those of results, on perturbed readings and scenes; severity 0 is without.
 * curves/<shard>.csv: losses over epochs, CURVE_POINTS of each training.
-* kept/<shard>.parquet: what figures draw of it, see `kept`; stress/<shard>.csv: scores on perturbed data. Not of all.
-* index.csv: of each shard its digest, costs, machine and commit, and the digest of its two last files, if it has them;
+* kept/<shard>.parquet: what figures draw of it, see `kept`. Not every shard has this and stress.
+* index.csv: of each shard its digest, costs, machine and commit, and a digest of what it has of `kept` and `stress`;
   times.csv: seconds of each training.
 """
 
@@ -26,10 +27,9 @@ from pipeline.scoring.results import read_csv
 from pipeline.settings.shards import ShardSet
 
 BUDGETS = (HALF, FULL)
+STRESS = [*COLUMNS, "perturbation", "severity"]
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
 INDEX += ["kept_sha256"]
-STRESS = ["experiment", "protocol", "condition", "model", "variant", "seed", "budget", "perturbation", "severity"]
-STRESS += ["metric", "unit", "value", "n"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
 STUDY = "study"  # in the column `protocol` of index.csv, for a study
 NUMBERS = {"seed": int, "epochs": float, "core_s": float, "train_s": float}  # columns of both
@@ -61,6 +61,7 @@ def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
     path = paths.require(folder(workspace) / "shards.yaml", "git checkout evidence/shards.yaml")
     sets = {}
     for name, (block, other) in _entries(params.parsed(path), "").items():
+        other = {key: value for key, value in other.items() if key != "stress"}
         if {"study", "variants"} & block.keys():  # it trains no models, or those that it names
             other = {key: value for key, value in other.items() if key != "models"}
         whole = _joined(other, block)
@@ -120,7 +121,7 @@ def kept_file(workspace: Workspace, shard: str) -> Path:
 
 
 def stress_file(workspace: Workspace, shard: str) -> Path:
-    """Return the file that keeps the scores of a shard of this name on perturbed data."""
+    """Return the file that keeps what the models of a shard score on perturbed readings and scenes."""
     return folder(workspace) / "stress" / f"{shard}.csv"
 
 
@@ -204,6 +205,17 @@ def read(workspace: Workspace) -> pd.DataFrame:
         if row.shard in of_shard:
             tables.append(_training_times(of_shard[row.shard], rows, row.budget))
     return _once(pd.concat(tables, ignore_index=True))
+
+
+def stress(workspace: Workspace) -> pd.DataFrame:
+    """Return what the models of all committed shards scored under stress, columns STRESS; no row where none has any.
+
+    Raises InputError where a file is not as indexed.
+    """
+    found = [path for _, path in checked(workspace, stress_file)]
+    tables = [read_csv(path, STRESS, MADE_BY).astype({"variant": object, "budget": object}) for path in found]
+    together = pd.concat(tables or [pd.DataFrame(columns=STRESS, dtype=object)], ignore_index=True)
+    return together.fillna({"variant": "", "budget": ""})
 
 
 def _once(rows: pd.DataFrame) -> pd.DataFrame:

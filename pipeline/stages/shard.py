@@ -130,7 +130,7 @@ def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) ->
         modules.run(own.root, f"pipeline.studies.{study}", each.experiment, str(shard.seed))
         keep_study(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
     else:
-        for stage in ("train", "evaluate"):
+        for stage in ("train", "evaluate", *(["stress"] if stressed(shard, each) else [])):
             modules.run(own.root, f"pipeline.stages.{stage}", each.experiment)
         write(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
     files.remove_folder(own.root, inside=own.root.parent)
@@ -168,6 +168,9 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     rows["variant"] = rows["variant"].fillna(each.variant)
     rows["protocol"] = rows["protocol"].fillna(each.protocols[0])  # of the data of a set, not of all
     files.write_table(result, rows.astype({"seed": "Int64"}), missing="nan")
+    if stressed(shard, each):
+        table = stress_rows(own, experiment, rows)
+        files.write_table(shards.stress_file(workspace, shard.name), table, missing="nan")
     curves, times = trainings(own, experiment, values)
     files.write_table(target / "curves" / f"{shard.name}.csv", curves)
     keep(workspace, own, shard, each)
@@ -185,6 +188,25 @@ def keep(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet) -> 
             raise InputError(f"{path}: {path.stat().st_size} bytes, and a shard keeps {kept.LARGEST} at most")
         with files.replacing(target) as draft:
             shutil.copyfile(path, draft)
+
+
+def stressed(shard: Shard, each: ShardSet) -> bool:
+    """Return whether the models of a shard are scored on perturbed readings and scenes."""
+    return each.stress and shard.budget == FULL
+
+
+def stress_rows(own: Workspace, experiment: str, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the experiment's main score under stress, as shards.STRESS; rows: of the shard's results.
+
+    Budget and variant are those of the model's scores.
+    """
+    found = read_csv(
+        own.stress(experiment), ["model", "severity", "value"], f"python -m pipeline.stages.stress {experiment}"
+    )
+    found = found[found["metric"] == experiments.facts(experiment).metric]
+    of_model = rows.drop_duplicates("model").set_index("model")
+    place = {name: found["model"].map(of_model[name]) for name in ("variant", "budget")}
+    return found.assign(**place).reindex(columns=shards.STRESS)
 
 
 def index(

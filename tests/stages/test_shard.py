@@ -59,7 +59,7 @@ def test_sets_that_share_data_ask_for_the_same():
     for name, each in SETS.items():
         if each.like and not (each.study or each.variants):
             other = SETS[each.like]
-            assert stages[name]["params"][1] == {"evidence/shards.yaml": [each.like, name]}
+            assert stages[name]["params"][-1] == {"evidence/shards.yaml": [each.like, name]}
             assert (each.experiment, other.like) == (other.experiment, ""), name
             differing = {key for key in each.set if each.set[key] != other.set.get(key)}
             assert all(".models." in key for key in differing) and bool(differing) == (each.variant != other.variant), (
@@ -131,6 +131,30 @@ def test_a_shard_says_what_it_is_of_and_comes_out_the_same(strain):
     result.unlink()
     compute()
     assert result.read_bytes() == first and len(pd.read_csv(folder / "index.csv")) == 1
+
+
+@pytest.mark.slow
+def test_a_shard_keeps_what_its_models_score_under_stress(strain, tmp_path):
+    """Only at the full budget; severity 0 is the score of the results, and every severity of the settings is there."""
+    half, _ = strain
+    assert SETS["strain"].stress and not SETS["glove_augmentation_A"].stress  # which is like a set that has it
+    assert shards.stress(half).empty
+    workspace = Workspace(tmp_path)
+    copied(half.params, workspace.root)
+    shutil.copytree(half.root / "build", workspace.root / "build", symlinks=True)
+    each = SETS["strain"].model_copy(update={"seeds": 1, "set": {}})
+    shard.compute(workspace, Shard("strain", 0, "full"), {"strain": each})
+    table, results = shards.stress(workspace), shards.read(workspace)
+    place = ["protocol", "condition", "model", "variant", "seed", "budget", "metric"]
+    assert set(table["metric"]) == {"error"} and set(table["protocol"]) == {"task_1", "task_2"}
+    readings = table[~table["perturbation"].isin(["rate", "speed", "specimen"])]  # these have a recording of their own
+    clean = readings[readings["severity"] == 0].merge(results.fillna({"budget": "", "variant": ""}), on=place)
+    assert len(clean) == (readings["severity"] == 0).sum() > 0
+    assert clean["value_x"].to_numpy() == pytest.approx(clean["value_y"].to_numpy(), rel=1e-4)
+    asked = params.load(workspace.params)["stress"]["strain"]["perturbations"]
+    found = {name: set(rows["severity"]) for name, rows in table.groupby("perturbation")}
+    assert found == {name: {0, *severities} for name, severities in asked.items()}
+    assert set(table[table["model"] == "lstm_direct"]["budget"]) == {"full"}
 
 
 @pytest.mark.slow

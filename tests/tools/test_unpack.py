@@ -71,8 +71,9 @@ def out(tmp_path) -> Path:
         mine = [row for row in rows[1:] if row.startswith(tuple(f"{name}," for name in INDEXED.values()))]
         (folder / name).write_text("".join([rows[0], *mine]))
     (folder / "stress").mkdir()
-    row = ("strain", "task_1", "task_1", "esn", "", 0, "half", "noise", 0.1, "error", "mm", 2.5, 9)
-    write(folder / STRESS, [dict(zip(shards.STRESS, row, strict=True))])
+    row = {"experiment": "strain", "protocol": "task_1", "condition": "task_1", "model": "esn", "metric": "error"}
+    row |= {"seed": 0, "budget": "half", "unit": "mm", "value": 2.5, "n": 9, "perturbation": "noise", "severity": 0.1}
+    write(folder / STRESS, [dict.fromkeys(shards.STRESS, "") | row])
     draw(folder)
     return folder
 
