@@ -37,7 +37,7 @@ FACTS = Facts(
     output_unit="probability",
     metric="accuracy",
     compared=("grasp_combined",),
-    score="main/combined.macro_precision",
+    score="errors/combined.macro_precision",
     sheet="hand",
     tested={
         ("grasp_pressure", "pressure"): "pressure",

@@ -57,10 +57,7 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     answers.write_readme(workspace, found)
     papers = entries.papers(workspace)
     simulated = {key: (paper.simulated, paper.title) for key, paper in papers.items() if paper.simulated in speeds}
-    titled = [
-        last_panel(speeds[name], title, content["answers"][paper]["conditions"])
-        for paper, (name, title) in simulated.items()
-    ]
+    titled = [last_panel(speeds[name], title, facts(name).paper.conditions) for name, title in simulated.values()]
     opening = fill(
         "answers",
         claims=len(claims.claim_text.counted(judged)),
