@@ -31,6 +31,7 @@ STRESS = [*COLUMNS, "perturbation", "severity"]
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
 INDEX += ["kept_sha256"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
+SHARD = "shard"  # column of those tables, and of the rows of `read`
 STUDY = "study"  # in the column `protocol` of index.csv, for a study
 NUMBERS = {"seed": int, "epochs": float, "core_s": float, "train_s": float}  # columns of both
 MADE_BY = "tactile evidence"
@@ -189,9 +190,10 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 def read(workspace: Workspace) -> pd.DataFrame:
     """Return the rows of all committed shards; of metric `train_s` the seconds of each training, on a core or a card.
 
-    None where there are none. Raises InputError where a file is not as indexed.
+    The last column, `shard`, names the shard that a row is of. None where there are none. Raises InputError where a
+    file is not as indexed.
     """
-    tables = [pd.DataFrame(columns=[*COLUMNS, "of"])]
+    tables = [pd.DataFrame(columns=[*COLUMNS, SHARD, "of"])]
     index, times = folder(workspace) / "index.csv", table(folder(workspace) / "times.csv", TIMES)
     of_shard = dict(list(times.astype({"seed": int, "train_s": float}).groupby("shard")))
     for row in table(index, INDEX).itertuples():
@@ -201,7 +203,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
         rows = read_csv(path, COLUMNS, MADE_BY)
-        tables.append(rows.assign(of=int(row.seed or 0)))
+        tables.append(rows[COLUMNS].assign(**{SHARD: row.shard, "of": int(row.seed or 0)}))
         if row.shard in of_shard:
             tables.append(_training_times(of_shard[row.shard], rows, row.budget))
     return _once(pd.concat(tables, ignore_index=True))
@@ -227,7 +229,7 @@ def _once(rows: pd.DataFrame) -> pd.DataFrame:
     of_data = rows[rows["model"] == DATA].sort_values("of", kind="stable")
     former = of_data.index[of_data.duplicated([*KEY, "seed", "budget"], keep="last")]
     rows = rows.drop(index=former, columns="of")
-    return rows[~rows.assign(value=[float(f"{value:.9g}") for value in rows["value"]]).duplicated()]
+    return rows[~rows.assign(value=[float(f"{value:.9g}") for value in rows["value"]]).duplicated(COLUMNS)]
 
 
 def _training_times(times: pd.DataFrame, rows: pd.DataFrame, budget: str) -> pd.DataFrame:
@@ -235,4 +237,4 @@ def _training_times(times: pd.DataFrame, rows: pd.DataFrame, budget: str) -> pd.
     variants = rows.drop_duplicates("model").set_index("model")["variant"]
     place = {"experiment": rows["experiment"].iloc[0], "condition": times["protocol"], "budget": budget}
     place |= {"variant": times["model"].map(variants), "metric": "train_s", "unit": "s", "value": times["train_s"]}
-    return times.assign(**place).reindex(columns=COLUMNS)
+    return times.assign(**place).reindex(columns=[*COLUMNS, SHARD])
