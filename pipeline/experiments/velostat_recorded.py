@@ -23,6 +23,7 @@ FACTS = Facts(
     compared=("repetition",),
     score="main/all.rmse",
     first_tested=("repetition", "all"),
+    drawn=("repetition",),
     sheet="taxel",
     tested={("repetition", "all"): "all recordings"},
     pooled=("all",),
