@@ -230,7 +230,7 @@ def usable_clean(clean: pd.DataFrame, experiment: str, usable: Mapping[str, floa
                 rows.append(
                     (experiment, protocol, condition, model, mean, floor, most, len(each) - failed, failed, good)
                 )
-    return pd.DataFrame(rows, columns=[*UNUSABLE, "good"])
+    return pd.DataFrame(rows, columns=[*UNUSABLE, "good"]).astype({"good": bool})
 
 
 def failures(
@@ -369,7 +369,7 @@ def starts(rows: pd.DataFrame, experiment: str) -> pd.DataFrame:
 def _rates(rows: pd.DataFrame, experiment: str, model: str) -> tuple[tuple[float, float], int]:
     """Return the error of a model at a third and at three times its learning rate over that at the rate, and seeds."""
     own = as_error(rows, experiment)
-    own = own[(own["model"] == model) & [bool(RATE.search(name)) for name in own["variant"].fillna("")]]
+    own = own[(own["model"] == model) & own["variant"].fillna("").map(lambda name: bool(RATE.search(name)))]
     if own.empty:
         return (np.nan, np.nan), 0
     times = own["variant"].map(lambda name: float(RATE.search(name)[1]))
