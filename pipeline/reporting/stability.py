@@ -224,7 +224,7 @@ def findings(
     given["first"] = _first(lost[first], at[first]) if first else None
     held = [test for test in reversed(order) if lost[test].empty]
     given["held"] = [_up_to(test, at[test]) for test in sorted(held, key=list(at).index)]
-    most = min(order, key=lambda test: len(lost[test]) / len(at[test]))
+    most = min(reversed(order), key=lambda test: len(lost[test]) / len(at[test]))
     kept = len(at[most]) - len(lost[most])
     given["most"] = {"test": _up_to(most, at[most]), "kept": kept, "of": len(at[most])} if kept else None
     instead = sorted(verdicts.better(runs, known), key=lambda each: each.error / each.of_best)[:NAMED]
