@@ -193,7 +193,7 @@ class TorchRegressor:
         train: tuple[torch.Tensor, ...],
         descend: Callable[..., torch.Tensor],
         batch: torch.Tensor,
-        drawn: torch.Tensor | None,
+        drawn: torch.Tensor | None = None,
     ) -> tuple[torch.Tensor, ...]:
         """Make one update on a batch (n,) of the normalised training part; return (mean loss,).
 

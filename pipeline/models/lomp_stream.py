@@ -106,7 +106,7 @@ class StreamingLomp(LompRegressor):
         descend: Callable[..., torch.Tensor],
         windows: torch.Tensor,
         state: torch.Tensor | None,
-        drawn: torch.Tensor | None,
+        drawn: torch.Tensor | None = None,
     ) -> tuple[torch.Tensor, ...]:
         """Make one update on windows (n,) that begin with a state (elements, n, hidden); return (loss, next state).
 

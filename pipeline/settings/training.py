@@ -79,7 +79,7 @@ class SequenceTraining(Faultable):
     batch: Count = Field(description="Pieces, drawn anew in every epoch, that an update sees side by side")
 
 
-class StretchTraining(Block):
+class StretchTraining(Faultable):
     """Training with Adam on random stretches of a series, each from a zero state.
 
     The learning rate rises and falls over the epochs (one cycle, Smith 2018). An epoch is as many stretches as cover
