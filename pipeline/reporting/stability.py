@@ -377,20 +377,31 @@ def _rate(ratio: float) -> str:
 
 
 def helped(table: pd.DataFrame) -> Table:
-    """Return clean error and severities of a model as in the tables and of its variant; table: stability.helped."""
+    """Return clean error and severities of a model as in the tables and of its variant; table: verdicts.helped.
+
+    Rows in which neither loses half of its skill are left out.
+    """
     rows = []
-    for row in table.to_dict("records"):
+    for row in table[table["half_at"].notna() | table["half_at_variant"].notna()].to_dict("records"):
         error, unit = error_words(row["experiment"])
         other = {"direction": row["direction"], "largest": row["largest_variant"]}
         other |= {name: row[f"{name}_variant"] for name in ("half_at", "half_low", "half_high")}
         where = f"{experiment_name(row['experiment'])}, {condition_of(row)}"
         name = test_name(row["perturbation"], row["direction"], table[table["experiment"] == row["experiment"]])
-        clean = [f"{error(row[key])} {unit}" for key in ("clean", "clean_variant")]
-        ratio = f"{row['ratio']:.2f}" if np.isfinite(row["ratio"]) else "-"
-        rows.append([where, model_name(row["model"]), *clean, f"{name} ({row['unit']})", half_at(row), half_at(other)])
-        rows[-1].append(ratio)
-    head = ["Condition", "Model", "Clean error, plain", "Clean error, trained with faults", "Test", "Half lost, plain"]
-    return Table([*head, "Half lost, trained with faults", "Ratio of severities"], rows)
+        clean = " / ".join(error(row[key]) for key in ("clean", "clean_variant"))
+        rows.append([where, model_name(row["model"]), f"{clean} {unit}", f"{name} ({row['unit']})"])
+        rows[-1] += [half_at(row), half_at(other), ratio(row)]
+    head = ["Condition", "Model", "Clean error, plain / with faults", "Test", "Half lost at, plain"]
+    return Table([*head, "Half lost at, with faults", "Ratio"], rows)
+
+
+def ratio(row: Mapping) -> str:
+    """Return the ratio of severities of a row of `verdicts.helped`, a bound where one is beyond what was tried."""
+    if np.isfinite(row["ratio"]):
+        return f"{row['ratio']:.2f}"
+    if np.isfinite(row["half_at"]):
+        return f"> {row['largest_variant'] / row['half_at']:.2f}"
+    return f"< {row['half_at_variant'] / row['largest']:.2f}"
 
 
 def condition_of(row: Mapping) -> str:

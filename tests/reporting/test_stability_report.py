@@ -152,9 +152,16 @@ def test_training_with_faults_stands_beside_the_plain_one(workspace, made, undra
     text = made[1]()
     helped = pd.read_csv(workspace.reports / "stability" / "helped.csv").set_index(["perturbation", "direction"])
     assert helped.loc[("dead", "up"), "ratio"] == pytest.approx(3.75 / (4 / 2.04))
-    (row,) = (line for line in cells(text) if line[:2] == ["Touch, double touches", "LoMP"] and "Dead" in line[4])
-    assert row[2:5] == ["2.00 kPa", "2.50 kPa", "Dead elements (number of elements)"]
-    assert row[5:] == ["2 [1.9, 2]", "3.8 [3.8, 3.8]", "1.91"]
+    told = {line[3]: line for line in cells(text) if line[:2] == ["Touch, double touches", "LoMP"]}
+    assert set(told) == {
+        "Dead elements (number of elements)",
+        "Speed of a press, below 0 (factor, as a power of 2)",  # of noise neither loses half
+    }
+    assert told["Dead elements (number of elements)"][2:] == [
+        *("2.00 / 2.50 kPa", "Dead elements (number of elements)", "2 [1.9, 2]", "3.8 [3.8, 3.8]", "1.91")
+    ]
+    slower = told["Speed of a press, below 0 (factor, as a power of 2)"]
+    assert slower[4:] == ["-2 [-2, -1.9]", "< -2", "> 1.02"], "2 over 4 / 2.04"
     failures = pd.read_csv(workspace.reports / "stability" / "failures.csv")
     assert failures.loc[failures["model"] == "lomp", "clean"].unique().tolist() == [2.0]
 

@@ -12,7 +12,7 @@ from pipeline.claims.stability import LOG
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import BLACK, GREY, model_style
 
-COLUMNS = 4
+COLUMNS = 4  # of panels at most
 DRAWN = 5  # models a panel at most: those with the least clean error
 APART, MARGIN = 0.13, 0.04  # of an axis: between two of its numbers, and beyond its ends
 HIGHEST = 1.6  # times the constant model's clean error: what is above leaves the panel
@@ -42,7 +42,8 @@ def small_multiples(path: Path, panels: Sequence[Panel], floor: float, ylabel: s
 
     A ring is where half of the skill is lost. Bands are 95 % intervals of the mean.
     """
-    figure, axes = style.panels(len(panels), COLUMNS, 11, 2.3, 1.2, sharey=True)
+    columns = -(-len(panels) // -(-len(panels) // COLUMNS))  # no row is much shorter than another
+    figure, axes = style.panels(len(panels), columns, 2.75 * columns, 2.3, 1.2, sharey=True)
     lines = {}
     for ax, panel in zip(axes.flat, panels, strict=False):
         for model, curve in panel.curves.items():
@@ -62,8 +63,8 @@ def small_multiples(path: Path, panels: Sequence[Panel], floor: float, ylabel: s
     for ax in axes[:, 0]:
         ax.set_ylabel(textwrap.fill(ylabel, 26))
     figure.suptitle(title)
-    columns = min(len(lines), 150 // (max(map(len, lines)) + 8))
-    figure.legend(lines.values(), lines, loc="outside lower center", ncols=columns)
+    entries = min(len(lines), 36 * columns // (max(map(len, lines)) + 8)) or 1
+    figure.legend(lines.values(), lines, loc="outside lower center", ncols=entries)
     style.save(figure, path)
 
 
