@@ -282,6 +282,12 @@ def stability_table(rows: pd.DataFrame) -> Table:
     return Table(["Model", f"Clean ({unit})", *(f"{test_name(*test[:2], known)} ({test[2]})" for test in tests)], table)
 
 
+def by_test(table: Table) -> Table:
+    """Return `stability_table` with a row for each test: few models beside each other fit a page, many tests do not."""
+    columns = list(zip(table.header, *table.rows, strict=True))
+    return Table(["Test", *columns[0][1:]], [list(column) for column in columns[1:]])
+
+
 def error_words(experiment: str) -> tuple[Callable[[float], str], str]:
     """Return how an error of an experiment's main metric is written, and its unit."""
     own = facts(experiment)

@@ -22,7 +22,7 @@ from pipeline.experiments import facts
 from pipeline.reporting.figures import ratios
 from pipeline.reporting.page import answers, charts, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
-from pipeline.reporting.stability import FINDINGS, stability_table
+from pipeline.reporting.stability import FINDINGS, by_test, stability_table
 from pipeline.reporting.tables import Table
 from pipeline.reporting.words.labels import condition_name, experiment_name, plain
 from pipeline.scoring import one_table
@@ -155,7 +155,8 @@ def stability_summary(failures: pd.DataFrame, said: pd.DataFrame) -> Markup:
             continue
         sentences = [each for each in said[here].iloc[0][FINDINGS[3:]] if isinstance(each, str) and each]
         title = f"{experiment_name(name)}: {condition_name(name, protocol, condition)}"
-        table = stability_table(failures[rows]) if failures[rows]["largest"].notna().any() else None
+        known = failures[rows]["largest"].notna().any()
+        table = by_test(stability_table(failures[rows])) if known else None
         shown.append({"title": title, "sentences": sentences, "table": table})
     return fill("stability", parts=shown)
 

@@ -204,8 +204,8 @@ def test_the_pages_say_what_the_tables_say(workspace, reports):
     assert "Of another condition" not in stability
     cells = [re.sub("<[^>]*>", "", cell) for cell in re.findall("<t[hd].*?</t[hd]>", stability)]
     assert cells == [
-        *("Model", "Clean (kPa)", "Noise (share of the range)", "Dead elements (number)"),
-        *("LoMP", "8.70", "0.25 [0.2,\u00a0&gt; 0.3]", "&gt; 6"),
+        *("Test", "LoMP", "Clean (kPa)", "8.70", "Noise (share of the range)", "0.25 [0.2,\u00a0&gt; 0.3]"),
+        *("Dead elements (number)", "&gt; 6"),
     ]
     assert 'aria-label="simulated: 1 reproduced, 0 matches, 0 near, 0 contradicted, 1 off, 0 undecided"' in html
     row = re.search('<tr[^>]* id="claim-lomp-rmse".*?</tr>', html, re.DOTALL)[0]
