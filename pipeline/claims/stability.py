@@ -19,6 +19,7 @@ Two kinds of test have no severity at which something is lost, and are told by t
 are numbers of other sensors, which have no order, and one without a severity 0, as three touches have.
 """
 
+import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -79,13 +80,26 @@ def of_variant(table: pd.DataFrame, variant: str) -> pd.DataFrame:
 def runs(stress: pd.DataFrame, experiment: str, variant: str = "") -> pd.DataFrame:
     """Return KEY, budget and error of the runs of an experiment, fully trained; stress: see `shards.stress`.
 
-    Raises InputError where a run is there twice.
+    Raises InputError where a run is there twice, or is absent where another seed has it.
     """
     own = as_error(of_variant(stress, variant), experiment)
     for row in own[own.duplicated(KEY)][KEY].itertuples(index=False):
         words = ", ".join(f"{name} {value}" for name, value in zip(KEY, row, strict=True))
         raise InputError(f"evidence/stress: two rows of {experiment} for {words}; run `tactile evidence` again")
+    for test, severity, model, seed in _lacking(own):
+        raise InputError(
+            f"evidence/stress: no row of {experiment} for perturbation {test}, severity {severity:g}, model {model}, "
+            f"seed {seed}, which others have; run `tactile evidence` again"
+        )
     return own[[*KEY, "budget", "error"]].fillna({"budget": ""}).reset_index(drop=True)
+
+
+def _lacking(own: pd.DataFrame) -> Iterator[tuple[str, float, str, int]]:
+    """Yield test, severity, model and seed of each run that is absent where another seed of the model has it."""
+    for (*_, test, model), rows in own.groupby([*TESTED_ON, "model"], sort=False):
+        present = set(zip(rows["severity"], rows["seed"], strict=True))
+        every = itertools.product(rows["severity"].unique(), rows["seed"].unique())
+        yield from ((test, at, model, seed) for at, seed in every if (at, seed) not in present)
 
 
 def clean_errors(rows: pd.DataFrame, stressed: pd.DataFrame, experiment: str, variant: str = "") -> pd.DataFrame:

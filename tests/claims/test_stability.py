@@ -156,6 +156,15 @@ def test_only_full_runs_of_the_variant_count_and_none_twice():
         stability.runs(pd.concat([rows, rows.tail(1)]), "touch")
 
 
+def test_a_run_that_other_seeds_have_is_missed():
+    rows = stress_rows.rows("touch", DOUBLE, {"constant": constant, "lomp": rising}, {"noise": [0, 0.3, 1]})
+    lost = rows[(rows["model"] == "lomp") & (rows["seed"] == 2) & (rows["severity"] == 0.3)].index
+    with pytest.raises(InputError, match="no row of touch for perturbation noise, severity 0.3, model lomp, seed 2"):
+        stability.runs(rows.drop(index=lost), "touch")
+    whole = rows[~((rows["model"] == "lomp") & (rows["seed"] == 2))]
+    assert len(stability.runs(whole, "touch")) == len(whole), "a seed that was not computed at all is another matter"
+
+
 def test_an_accuracy_is_turned_into_an_error():
     rows = stress_rows.rows("glove", ("session_combined", "combined"), {"tree": lambda at, seed: 0.3}, {"noise": [0]})
     assert rows["value"].unique() == pytest.approx([0.7])
