@@ -127,12 +127,13 @@ def evidence(workspace: Workspace, kept: Results) -> dict[str, list[Run]]:
         ]
         count = group["seed"].nunique()
         said = f"{count} seed{'s' * (count > 1)}"
-        train_s = _train_s(times.get((experiment, of["protocol"], of["model"])), origin)
+        timed_on, train_s = _timed(times.get((experiment, of["protocol"], of["model"])), origin)
         content, scores = [sorted(each), settings, origin], pd.DataFrame(means, columns=[*SCORE, "value"])
         run = _run(experiment, of, said, content, scores, train_s=train_s)
         run.params.update((name, value) for name, value in settings.items() if name not in run.params)
         names = {"git_commit": origin.commits, "machine": origin.machines, "shards": origin.shards}
-        run.tags.update({name: ", ".join(found) for name, found in names.items()})
+        names["timed_on"] = timed_on
+        run.tags.update({name: "; ".join(found) for name, found in names.items() if found})
         failed = group[group["value"].isna()]["seed"].nunique()
         run.points.extend([("more/seeds", count, 0), ("more/failed_seeds", failed, 0)])
         run.points.extend([(f"more/{TRAIN_S}", train_s, 0)] * bool(np.isfinite(train_s)))
@@ -143,13 +144,14 @@ def evidence(workspace: Workspace, kept: Results) -> dict[str, list[Run]]:
     return runs
 
 
-def _train_s(times: pd.DataFrame | None, origin: shown.Origin) -> float:
-    """Return the mean seconds of training of shards, on the machine that did the most of them; NaN where none is known.
+def _timed(times: pd.DataFrame | None, origin: shown.Origin) -> tuple[list[str], float]:
+    """Return the machine that did most of the trainings of shards, and the mean of its seconds; NaN where none is kept.
 
-    times: rows of metric TRAIN_S, with their machine. The seconds of two machines have no mean.
+    times: rows of metric TRAIN_S, with their machine. The seconds of two machines, a core and a card, have no mean.
     """
     own = pd.DataFrame(columns=["machine", "value"]) if times is None else times[times["shard"].isin(origin.shards)]
-    return float(own[own["machine"] == own["machine"].mode().get(0)]["value"].mean())
+    most = own["machine"].mode()[:1]
+    return [*most], float(own[own["machine"].isin(most)]["value"].mean())
 
 
 def _curve(kept: list[pd.DataFrame], of: Mapping[str, str]) -> Iterator[tuple[str, float, int]]:
