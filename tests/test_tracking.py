@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from builders import kills, live_models
+from builders import kills, live_models, readme_tables
 from builders.devices import until
 from builders.made_results import EPOCHS, fit_linear, write_results
 from builders.project import ROOT
@@ -393,6 +393,27 @@ def test_a_clone_has_the_means_over_seeds_of_the_evidence(committed):
     marked = {name: alone.data.tags[name] for name in ("shown", "compared", "readme")}
     assert marked == {"shown": "true", "compared": "false", "readme": "false"}
     assert not any("data" in key for key in runs), "rows that are of no model"
+
+
+def test_every_number_of_readme_is_a_metric_of_one_run(tmp_path, monkeypatch):
+    """In a store that the committed evidence alone has filled."""
+    workspace = Workspace(tmp_path)
+    (tmp_path / "evidence").symlink_to(ROOT / "evidence")
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    mlflow_runs.track(workspace, params.load(ROOT / "params.yaml") | {"experiments": ["touch", "strain", "glove"]})
+    source = client(workspace)
+    runs = list(source.search_runs([each.experiment_id for each in source.search_experiments()], max_results=2000))
+    numbers = readme_tables.numbers((ROOT / "README.md").read_text(encoding="utf-8"))
+    assert len(numbers) == 18 + 4 + 21 and not readme_tables.without_run(numbers, runs)
+    (best,) = (number for number in numbers if (number.model, number.title) == ("SP-ResNet", "Both"))
+    long = [run for run in runs if run.data.tags["variant"] == "epochs_50"]
+    assert readme_tables.without_run(numbers, [run for run in runs if run not in long]) == [best]
+    other = best._replace(text="93.93")  # after 4 epochs: of a run, and not of one that README shows
+    assert readme_tables.without_run([other], runs) == [other]
+    listed = (ROOT / "reports" / "shards.md").read_text(encoding="utf-8")
+    for run in runs:
+        if run.data.tags["readme"] == "true":
+            assert all(f"evidence/results/{name}.csv)" in listed for name in run.data.tags["shards"].split("; "))
 
 
 def test_the_link_opens_the_models_compared_by_their_main_score(committed, tab, capsys):

@@ -34,7 +34,7 @@ from pipeline.inference import mlflow_store
 from pipeline.reporting.words import labels
 from pipeline.scoring import one_table, published, results, shards, shown, units
 from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
-from pipeline.scoring.one_table import Results
+from pipeline.scoring.one_table import TRAIN_S, Results
 
 CODE = paths.CODE / "inference" / "mlflow_model.py"
 # What a loaded model imports, and pandas, which MLflow hands it tables with. MLflow finds this out in seconds a model.
@@ -52,7 +52,6 @@ SCORE = ["condition", "metric", "unit"]
 NONE = (
     "none"  # variant of the models in the tables; budget of models without epochs, and of variants of their own recipe
 )
-TRAIN_S = "train_s"
 ABOUT = (
     "a run per model, protocol, variant and budget of training (`full`, `half`), the mean over seeds of the committed "
     "evidence; and where `dvc repro` was run, one per training of it (budget `look`). `main/<condition>.<metric>` is a "
