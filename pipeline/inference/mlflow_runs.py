@@ -47,7 +47,7 @@ CURVES = ("train_loss", "validation_loss", "learning_rate")
 COUNTS = ("best_epoch", "epochs", "parameters", "macs")
 PER_CALL = 1000  # metrics that MLflow takes at once
 NOTE = "mlflow.note.content"  # the tag that MLflow shows as the description of a run or an experiment
-ERRORS = (".rmse", ".error", ".macro_precision", ".accuracy")  # how the names end of what models are compared by
+ERRORS = tuple(f".{metric}" for metric in shown.COMPARED)  # how the names end of what models are compared by
 SCORE = ["condition", "metric", "unit"]
 NONE = (
     "none"  # variant of the models in the tables; budget of models without epochs, and of variants of their own recipe
@@ -113,7 +113,7 @@ def evidence(workspace: Workspace, kept: Results) -> dict[str, list[Run]]:
     rows = rows[(rows["metric"] != TRAIN_S) & ~rows["metric"].str.endswith(units.SUFFIX)]
     runs: dict[str, list[Run]] = {}
     for key, group in rows.groupby(shown.OF):
-        if not ("." + group["metric"]).str.endswith(ERRORS).any():  # a property of the data, not a model
+        if not group["metric"].isin(shown.COMPARED).any():  # a property of the data, not a model
             continue
         of = {name: value or NONE for name, value in zip(shown.OF, key, strict=True)}
         experiment, origin = of.pop("experiment"), shown.origin(index, group["shard"])
@@ -300,7 +300,7 @@ def _write(
         client.set_experiment_tag(in_mlflow, NOTE, f"{name}: {ABOUT}")
     with tempfile.TemporaryDirectory() as drafts:
         models = Models(workspace, experiment, values, commit, Path(drafts)) if any(run.folder for run in new) else None
-        for run in tqdm(new, desc=f"track {experiment}", unit="run", disable=None):
+        for run in tqdm(new, desc=f"track {experiment}", unit="run"):
             now = int(time.time() * 1000)  # files hold no date: a run ends now, and lasts as long as its training did
             lasts = 0 if np.isnan(run.train_s) else round(1000 * run.train_s)
             folder, told = models.draft(run) if run.folder else (None, [])
