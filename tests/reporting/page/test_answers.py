@@ -96,6 +96,8 @@ def test_readme_says_what_the_committed_reports_give(reported):
     answers.write_readme(reported, found)
     assert (reported.root / "README.md").read_text(encoding="utf-8") == text, "run `python -m pipeline.stages.page`"
     assert len(found) == 3 and len(text.splitlines()) <= 140
+    listed = (ROOT / "reports" / origins.FILE).read_text(encoding="utf-8")
+    assert listed == origins.document(workspace, results), "run `python -m pipeline.stages.page`"
 
 
 def test_our_numbers_are_links_to_the_shards_that_they_are_of(workspace):
