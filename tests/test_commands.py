@@ -7,6 +7,7 @@ known: such a word can be any that the parser knows.
 import argparse
 import ast
 import importlib
+import os
 import re
 import subprocess
 import sys
@@ -293,6 +294,25 @@ def test_a_program_reads_json_or_nothing(monkeypatch, capfd, option):
     monkeypatch.setattr(sys, "__stdout__", sys.stdout)  # pytest has put another in its place
     out, err = called(monkeypatch, capfd, "check", option)
     assert (out, err) == (('{\n "ready": true\n}\n', "words\n") if option == "--json" else ("", ""))
+
+
+@pytest.mark.parametrize(("terminal", "disabled"), [(True, ""), (False, "1")])
+def test_bars_are_for_a_terminal(monkeypatch, capfd, terminal, disabled):
+    """In a file each step of a bar is a line."""
+    found = []
+
+    def parser_of(called):
+        parser = argparse.ArgumentParser()
+        arguments.add_root(parser)
+        parser.set_defaults(main=lambda *given: found.append(os.environ["TQDM_DISABLE"]))
+        parser.add_argument("command")
+        return parser
+
+    monkeypatch.setattr(command_line, "parser_of", parser_of)
+    monkeypatch.setenv("TQDM_DISABLE", "")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    called(monkeypatch, capfd, "track")
+    assert found == [disabled]
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ from pipeline.inference import mlflow_store
 from pipeline.reporting.words import labels
 from pipeline.scoring import one_table, published, results, shards, shown, units
 from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
-from pipeline.scoring.one_table import Results
+from pipeline.scoring.one_table import TRAIN_S, Results
 
 CODE = paths.CODE / "inference" / "mlflow_model.py"
 # What a loaded model imports, and pandas, which MLflow hands it tables with. MLflow finds this out in seconds a model.
@@ -47,12 +47,11 @@ CURVES = ("train_loss", "validation_loss", "learning_rate")
 COUNTS = ("best_epoch", "epochs", "parameters", "macs")
 PER_CALL = 1000  # metrics that MLflow takes at once
 NOTE = "mlflow.note.content"  # the tag that MLflow shows as the description of a run or an experiment
-ERRORS = (".rmse", ".error", ".macro_precision", ".accuracy")  # how the names end of what models are compared by
+ERRORS = tuple(f".{metric}" for metric in shown.COMPARED)  # how the names end of what models are compared by
 SCORE = ["condition", "metric", "unit"]
 NONE = (
     "none"  # variant of the models in the tables; budget of models without epochs, and of variants of their own recipe
 )
-TRAIN_S = "train_s"
 ABOUT = (
     "a run per model, protocol, variant and budget of training (`full`, `half`), the mean over seeds of the committed "
     "evidence; and where `dvc repro` was run, one per training of it (budget `look`). `main/<condition>.<metric>` is a "
@@ -114,7 +113,7 @@ def evidence(workspace: Workspace, kept: Results) -> dict[str, list[Run]]:
     rows = rows[(rows["metric"] != TRAIN_S) & ~rows["metric"].str.endswith(units.SUFFIX)]
     runs: dict[str, list[Run]] = {}
     for key, group in rows.groupby(shown.OF):
-        if not ("." + group["metric"]).str.endswith(ERRORS).any():  # a property of the data, not a model
+        if not group["metric"].isin(shown.COMPARED).any():  # a property of the data, not a model
             continue
         of = {name: value or NONE for name, value in zip(shown.OF, key, strict=True)}
         experiment, origin = of.pop("experiment"), shown.origin(index, group["shard"])
@@ -127,12 +126,13 @@ def evidence(workspace: Workspace, kept: Results) -> dict[str, list[Run]]:
         ]
         count = group["seed"].nunique()
         said = f"{count} seed{'s' * (count > 1)}"
-        train_s = _train_s(times.get((experiment, of["protocol"], of["model"])), origin)
+        timed_on, train_s = _timed(times.get((experiment, of["protocol"], of["model"])), origin)
         content, scores = [sorted(each), settings, origin], pd.DataFrame(means, columns=[*SCORE, "value"])
         run = _run(experiment, of, said, content, scores, train_s=train_s)
         run.params.update((name, value) for name, value in settings.items() if name not in run.params)
         names = {"git_commit": origin.commits, "machine": origin.machines, "shards": origin.shards}
-        run.tags.update({name: ", ".join(found) for name, found in names.items()})
+        names["timed_on"] = timed_on
+        run.tags.update({name: "; ".join(found) for name, found in names.items() if found})
         failed = group[group["value"].isna()]["seed"].nunique()
         run.points.extend([("more/seeds", count, 0), ("more/failed_seeds", failed, 0)])
         run.points.extend([(f"more/{TRAIN_S}", train_s, 0)] * bool(np.isfinite(train_s)))
@@ -143,13 +143,14 @@ def evidence(workspace: Workspace, kept: Results) -> dict[str, list[Run]]:
     return runs
 
 
-def _train_s(times: pd.DataFrame | None, origin: shown.Origin) -> float:
-    """Return the mean seconds of training of shards, on the machine that did the most of them; NaN where none is known.
+def _timed(times: pd.DataFrame | None, origin: shown.Origin) -> tuple[list[str], float]:
+    """Return the machine that did most of the trainings of shards, and the mean of its seconds; NaN where none is kept.
 
-    times: rows of metric TRAIN_S, with their machine. The seconds of two machines have no mean.
+    times: rows of metric TRAIN_S, with their machine. The seconds of two machines, a core and a card, have no mean.
     """
     own = pd.DataFrame(columns=["machine", "value"]) if times is None else times[times["shard"].isin(origin.shards)]
-    return float(own[own["machine"] == own["machine"].mode().get(0)]["value"].mean())
+    most = own["machine"].mode()[:1]
+    return [*most], float(own[own["machine"].isin(most)]["value"].mean())
 
 
 def _curve(kept: list[pd.DataFrame], of: Mapping[str, str]) -> Iterator[tuple[str, float, int]]:
@@ -299,7 +300,7 @@ def _write(
         client.set_experiment_tag(in_mlflow, NOTE, f"{name}: {ABOUT}")
     with tempfile.TemporaryDirectory() as drafts:
         models = Models(workspace, experiment, values, commit, Path(drafts)) if any(run.folder for run in new) else None
-        for run in tqdm(new, desc=f"track {experiment}", unit="run", disable=None):
+        for run in tqdm(new, desc=f"track {experiment}", unit="run"):
             now = int(time.time() * 1000)  # files hold no date: a run ends now, and lasts as long as its training did
             lasts = 0 if np.isnan(run.train_s) else round(1000 * run.train_s)
             folder, told = models.draft(run) if run.folder else (None, [])

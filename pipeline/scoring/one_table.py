@@ -22,6 +22,7 @@ from pipeline.scoring.strain_results import LATENT
 PRINTED_SHAPE = "printed_shape"  # variant: a count at the input that the paper's is of
 MADE_BY = "dvc repro"
 SIMULATED = "simulated"  # source of an experiment whose logs are not the user's own
+TRAIN_S = "train_s"  # metric: seconds of a training
 WHOLE = "whole"  # column: whether the value is an error of a whole run, as scores.csv has them
 
 
@@ -44,7 +45,10 @@ class Results:
         groups = rows.groupby([*KEY, "budget"]).indices
         seeds, numbers = rows["seed"].to_numpy(), rows["value"].to_numpy(float)
         self._runs = {key: pd.Series(numbers[at], index=seeds[at]).sort_index() for key, at in groups.items()}
-        budgets = rows.groupby(["experiment", "protocol", "variant"])["budget"].unique()
+        scored = rows[
+            rows["metric"] != TRAIN_S
+        ]  # a solved model's seconds are of the budget of its shard, not its scores
+        budgets = scored.groupby(["experiment", "protocol", "variant"])["budget"].unique()
         self._shown = {key: at for key, known in budgets.items() for at in (HALF, FULL) if at in known}
 
     def shown(self, experiment: str, protocol: str, variant: str = "") -> str:

@@ -17,6 +17,7 @@ from pipeline.scoring.one_table import WHOLE, Results
 from pipeline.scoring.results import read_csv
 
 OF = ["experiment", "protocol", "model", "variant", "budget"]  # of a training; models without epochs have no budget
+COMPARED = ("rmse", "error", "macro_precision", "accuracy")  # metrics of models; of others a variant may be two objects
 CURVES = ["train_loss", "validation_loss"]
 
 

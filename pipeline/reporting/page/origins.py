@@ -3,7 +3,6 @@
 import pandas as pd
 
 from pipeline.base.paths import Workspace
-from pipeline.experiments import facts
 from pipeline.reporting.words import templates
 from pipeline.reporting.words.labels import experiment_name, model_name
 from pipeline.scoring import shards, shown
@@ -26,8 +25,7 @@ def place(experiment: str, protocol: str, variant: str) -> str:
 def document(workspace: Workspace, results: Results) -> str:
     """Return shards.md of the evidence: for each split and variant a line for each set and budget."""
     rows, index = results.table, shards.table(shards.folder(workspace) / "index.csv", shards.INDEX)
-    main = {name: facts(name).metric for name in rows["experiment"].unique()}
-    rows = rows[rows[shards.SHARD].notna() & (rows["metric"] == rows["experiment"].map(main))]
+    rows = rows[rows[shards.SHARD].notna() & rows["metric"].isin(shown.COMPARED)]
     sections: dict[str, dict[str, list[dict]]] = {}
     for (experiment, protocol, variant), group in rows.groupby(["experiment", "protocol", "variant"]):
         of_set = group.groupby(group[shards.SHARD].str.replace(r"-\d+-", ", ", regex=True))
