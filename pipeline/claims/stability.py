@@ -1,8 +1,10 @@
 """Judge at which severity of a stress test each model of the evidence loses its skill.
 
-A model's skill is how far its error on clean data, severity 0, is below that of the model `constant`, which reads no
-sensor. Half of it is lost where the error is half-way from the one to the other, all of it where the error is that of
-`constant` on clean data; `fails_at` is where it passes what a user could work with (`stress.<experiment>.usable`).
+A model's skill is how far its error is below that of the model `constant`, which reads no sensor. Half of it is lost
+where the error is half-way from that on clean data, severity 0, to that of `constant`, all of it where it is that of
+`constant`. A test that changes the scene changes the truth, and with it the error of `constant`, as a press at twice
+the pressure does: there both errors are as shares of that of `constant` at the same severity. `fails_at` is where the
+error passes what a user could work with (`stress.<experiment>.usable`).
 Severities of one sign are walked from 0 outwards, each sign apart. Between two severities the error is taken as a
 straight line on the axis of the severity, on that of its logarithm where the severities of the test span a factor of
 SPAN or more and neither is 0. Where a curve passes a level several times, the first time counts.
@@ -60,7 +62,7 @@ class Runs(NamedTuple):
 
     severities: np.ndarray  # (k,) rising, 0 among them or not
     errors: np.ndarray  # (seeds, k)
-    floor: np.ndarray  # (seeds,) of `constant` at severity 0, NaN where there is none
+    floor: np.ndarray  # (seeds, k) of `constant`, NaN where there is none
     budget: str
     failed: int  # runs without an error, which are not among these
 
@@ -129,13 +131,12 @@ def groups(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str, str], dict[str
     for place, own in table.groupby(TESTED_ON, sort=False):
         matrices = {model: _matrix(rows) for model, rows in own.groupby("model", sort=False)}
         floor = matrices.get(FLOOR, pd.DataFrame())
-        floor = floor[0] if 0 in floor else pd.Series(dtype=float)
         found = {}
         for model, matrix in matrices.items():
             known = matrix.dropna()
             paired = known[known.index.isin(floor.index)] if len(floor) else known
             budget = own.loc[own["model"] == model, "budget"].iloc[0]
-            at_floor = floor.reindex(paired.index).to_numpy(float)
+            at_floor = floor.reindex(index=paired.index, columns=matrix.columns).to_numpy(float)
             columns = np.array(matrix.columns, dtype=float)
             found[model] = Runs(columns, paired.to_numpy(float), at_floor, budget, len(matrix) - len(known))
         yield place, found
@@ -177,29 +178,30 @@ def drawn(seeds: int) -> np.ndarray:
     return np.random.default_rng(SEED).integers(0, seeds, (DRAWS, seeds))
 
 
-def walked(own: Runs) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Yield each direction of a test, its severities from 0 outwards, without their sign, and the errors there."""
+def walked(own: Runs) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield each direction of a test, its severities from 0 outwards, without their sign, errors and floors there."""
     for direction, sign in ((UP, 1), (DOWN, -1)):
         chosen = np.flatnonzero(sign * own.severities >= 0)
         chosen = chosen[np.argsort(np.abs(own.severities[chosen]))]
         if len(chosen) > 1:
-            yield direction, np.abs(own.severities[chosen]), own.errors[:, chosen]
+            yield direction, np.abs(own.severities[chosen]), own.errors[:, chosen], own.floor[:, chosen]
 
 
 def lost_at(severities: np.ndarray, errors: np.ndarray, floor: np.ndarray, usable: float) -> dict[str, float]:
     """Return where half and all of the skill is lost, and where a model is no more usable, with the notes.
 
-    severities: (k,) from 0 outwards; errors: (seeds, k); floor: (seeds,). A level that is not reached has NaN, and the
+    severities: (k,) from 0 outwards; errors, floor: (seeds, k). A level that is not reached has NaN, and the
     note says beyond what.
     """
     axis = axis_of(severities)
 
     def levels(curves: np.ndarray, constant: np.ndarray) -> dict[str, np.ndarray]:
-        clean = curves[..., 0]
-        wanted = {"half": (clean + constant) / 2, "all": constant, "fails": np.full_like(clean, usable)}
-        return {name: crossing(severities, curves, level, axis) for name, level in wanted.items()}
+        shares = curves / constant
+        wanted = {"half": (shares[..., 0] + 1) / 2, "all": np.ones(shares.shape[:-1])}
+        found = {name: crossing(severities, shares, level, axis) for name, level in wanted.items()}
+        return found | {"fails": crossing(severities, curves, np.full(shares.shape[:-1], usable), axis)}
 
-    mean = levels(errors.mean(axis=0), floor.mean())
+    mean = levels(errors.mean(axis=0), floor.mean(axis=0))
     found = {"axis": axis, "largest": severities[-1]}
     for name, value in mean.items():
         reached = np.isfinite(value)
@@ -272,9 +274,9 @@ def failures(
                 notes = {f"{name}_note": note for name in LEVELS}
                 rows.append(row | notes | ({"clean": known.clean, "floor": known.floor} if has_clean else {}))
                 continue
-            row |= {"clean": known.clean, "floor": own.floor.mean()}
-            for direction, severities, errors in walked(own) if len(own.errors) else ():
-                found = _signed(lost_at(severities, errors, own.floor, row["usable"]), direction)
+            row |= {"clean": known.clean, "floor": own.floor[:, own.severities == 0].mean()}
+            for direction, severities, errors, floor in walked(own) if len(own.errors) else ():
+                found = _signed(lost_at(severities, errors, floor, row["usable"]), direction)
                 rows.append(row | found | {"direction": direction, "start": errors[:, 0].mean()})
     return pd.DataFrame(rows, columns=FAILURES), judged[~judged["good"]][UNUSABLE]
 
@@ -294,7 +296,9 @@ def shares(rows: pd.DataFrame) -> pd.DataFrame:
 def hardest(rows: pd.DataFrame) -> list[tuple[str, str]]:
     """Return tests and directions, from the one that takes half of the skill of models first, by their median."""
     table = shares(rows)
-    order = pd.DataFrame({"median": table.median(axis=1), "least": table.min(axis=1)})
+    order = pd.DataFrame({"median": table.median(axis=1), "least": table.min(axis=1)}).round(
+        6
+    )  # last digits are no order
     return list(order.sort_values(["median", "least"], kind="stable").index)
 
 
@@ -322,9 +326,9 @@ def better(table: pd.DataFrame, rows: pd.DataFrame) -> list[Better]:
     for row in rows[(rows["model"] == best) & rows["half_at"].notna()].itertuples():
         test, size = row.perturbation, abs(row.half_at)
         errors = {
-            model: pd.Series(_at(severities, each, size, row.axis))
+            model: pd.Series(error_at(severities, each, size, row.axis))
             for model, own in curves[test].items() if model in good
-            for direction, severities, each in walked(own) if direction == row.direction and len(each)
+            for direction, severities, each, _ in walked(own) if direction == row.direction and len(each)
         }  # fmt: skip
         other = min(errors, key=lambda model: errors[model].mean())
         if other == best or len(errors[other]) != len(errors[best]):
@@ -336,7 +340,7 @@ def better(table: pd.DataFrame, rows: pd.DataFrame) -> list[Better]:
     return found
 
 
-def _at(severities: np.ndarray, errors: np.ndarray, size: float, axis: str) -> np.ndarray:
+def error_at(severities: np.ndarray, errors: np.ndarray, size: float, axis: str) -> np.ndarray:
     """Return the error of each seed at a severity, between those that were tried as in `crossing`."""
     after = int(np.clip(np.searchsorted(severities, size), 1, len(severities) - 1))
     low, high = severities[after - 1], severities[after]

@@ -187,7 +187,8 @@ def panels(runs: pd.DataFrame, rows: pd.DataFrame) -> list[figures.Panel]:
         if curves:
             name, unit, _ = perturbation(test)
             axis = LOG if LOG in set(own["axis"]) else LINEAR
-            drawn.append(figures.Panel(capitalised(name), unit, axis, curves))
+            floor = figures.Floor(models[FLOOR].severities, models[FLOOR].errors.mean(axis=0))
+            drawn.append(figures.Panel(capitalised(name), unit, axis, curves, floor))
     return drawn
 
 
@@ -195,7 +196,12 @@ def curve(own: verdicts.Runs, judged: pd.DataFrame) -> figures.Curve:
     """Return the curve of a model under one test; judged: its rows of failures.csv."""
     levels = [results.estimate(each, results.LOG) for each in own.errors.T]
     low, high = ([getattr(each, end) for each in levels] for end in ("low", "high"))
-    half = [(row.half_at, (row.start + row.floor) / 2) for row in judged.itertuples() if np.isfinite(row.half_at)]
+    of_direction = {direction: (at, errors.mean(axis=0)[None]) for direction, at, errors, _ in verdicts.walked(own)}
+    half = [
+        (row.half_at, verdicts.error_at(*of_direction[row.direction], abs(row.half_at), row.axis)[0])
+        for row in judged.itertuples()
+        if np.isfinite(row.half_at)
+    ]
     return figures.Curve(own.severities, own.errors.mean(axis=0), np.array(low), np.array(high), half)
 
 

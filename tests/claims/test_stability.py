@@ -48,10 +48,18 @@ def test_half_and_all_of_the_skill_are_lost_where_the_mean_curve_crosses_their_l
     assert [row["half_low"], row["half_high"]] == pytest.approx(np.quantile(by_hand, [0.025, 0.975]), rel=0.02)
 
 
-def test_the_constant_model_is_that_of_clean_data_whatever_the_test_does_to_it():
-    worse = {"lomp": rising, "constant": lambda severity, seed: 10.0 + 100 * severity}
-    table, _, _ = judged(worse, {"noise": [0, 0.5, 1.0]})
-    assert table["half_at"].iloc[0] == pytest.approx(0.4)
+def test_where_a_test_changes_the_truth_errors_are_shares_of_that_of_the_constant_model():
+    """Skill is kept where both errors grow alike, and lost where that of the model grows faster."""
+
+    def constant(severity, seed):
+        return 10.0 * (1 + severity)
+
+    alike = {"lomp": lambda severity, seed: 0.2 * constant(severity, seed), "constant": constant}
+    table, _, _ = judged(alike, {"peak_pressure": [0, 0.5, 2.0]})
+    assert table["half_at"].isna().all() and table["half_note"].eq("> 2").all()
+    faster = alike | {"lomp": lambda severity, seed: (0.2 + 0.4 * severity) * constant(severity, seed)}
+    table, _, _ = judged(faster, {"peak_pressure": [0, 0.5, 2.0]})
+    assert table["half_at"].tolist() == pytest.approx([1.0]) and table["all_at"].tolist() == pytest.approx([2.0])
 
 
 def test_seeds_that_agree_have_an_interval_without_width_and_two_have_none():

@@ -137,7 +137,8 @@ def test_figures_are_drawn_to_the_scale_of_severities(workspace, made, monkeypat
     speed = next(ax for ax in axes if ax.get_title() == "Speed of a press")
     assert speed.get_xticks().tolist() == [-2, -1, 0, 1] and speed.get_xscale() == "linear"
     assert speed.lines[0].get_xdata().tolist() == [-2, -1, 0, 1]
-    panel = figures.Panel("Noise", "share", "log", {"lomp": figures.Curve(*np.full((4, 3), [0, 0.01, 1.0]), [])})
+    curves = {"lomp": figures.Curve(*np.full((4, 3), [0, 0.01, 1.0]), [])}
+    panel = figures.Panel("Noise", "share", "log", curves, figures.Floor(*np.full((2, 3), [0, 0.01, 1.0])))
     axes.clear()
     figures.small_multiples(workspace.reports / "x.png", [panel], 1.0, "Error", "Title")
     (ax,) = (ax for ax in axes if ax.get_title() == "Noise")
@@ -219,7 +220,7 @@ def test_the_sentences_are_right(workspace, made, undrawn):
     )
     assert row["holds"] == (
         "No test leaves every model more than half of its skill; the one that most models withstand is "
-        "noise (up to 1), with 1 of 2."
+        "speed of a press (up to 1), with 1 of 2."
     )
     assert row["take"] == (
         "Take LoMP everywhere, as its clean error is the least, 2.00 kPa, and where it has lost half of its skill no "

@@ -28,6 +28,13 @@ class Curve(NamedTuple):
     half: Sequence[tuple[float, float]]  # severity at which half of the skill is lost, and the error there
 
 
+class Floor(NamedTuple):
+    """The error of the constant model over the severities of one test, (k,) each."""
+
+    severities: np.ndarray
+    mean: np.ndarray
+
+
 class Panel(NamedTuple):
     """One test: its name, the unit of its severities, the axis by which they are interpolated, and a curve a model."""
 
@@ -35,12 +42,13 @@ class Panel(NamedTuple):
     unit: str
     axis: str
     curves: Mapping[str, Curve]
+    floor: Floor
 
 
 def small_multiples(path: Path, panels: Sequence[Panel], floor: float, ylabel: str, title: str) -> None:
     """Draw one panel per test on the true axis of its severities; floor: clean error of the constant model.
 
-    A ring is where half of the skill is lost. Bands are 95 % intervals of the mean.
+    Its error under the test is dotted. A ring is where half of the skill is lost. Bands are 95 % intervals of the mean.
     """
     columns = -(-len(panels) // -(-len(panels) // COLUMNS))  # no row is much shorter than another
     figure, axes = style.panels(len(panels), columns, 2.75 * columns, 2.3, 1.2, sharey=True)
@@ -55,7 +63,7 @@ def small_multiples(path: Path, panels: Sequence[Panel], floor: float, ylabel: s
             ax.fill_between(curve.severities, curve.low, curve.high, color=look.color, alpha=0.15, linewidth=0)
             for at, error in curve.half:
                 ax.plot(at, error, "o", markersize=8, markerfacecolor="none", color=look.color)
-        lines["Constant, clean"] = ax.axhline(floor, color=BLACK, linestyle=":", linewidth=1.2)
+        (lines["Constant"],) = ax.plot(*panel.floor, color=BLACK, linestyle=":", linewidth=1.2)
         _severity_axis(ax, panel)
         ax.set_title(textwrap.fill(panel.title, 34))
     shown = np.concatenate([curve.mean for panel in panels for curve in panel.curves.values()])
