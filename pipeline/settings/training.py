@@ -26,15 +26,12 @@ class Faults(Block):
         return self
 
 
-class Faultable(Block):
-    """A training that can be one with faults."""
-
-    faults: Faults = Field(
-        default=None, description="Faults drawn anew in every batch; without this key, readings are as they are"
-    )
+WithFaults = Annotated[
+    Faults, Field(description="Faults drawn anew in every batch; without this key, readings are as they are")
+]
 
 
-class ScheduledTraining(Faultable):
+class ScheduledTraining(Block):
     """A set number of epochs over which the learning rate rises and falls to zero, see `training.Schedule`.
 
     What comes out of products in bfloat16 is bfloat16, too; weights, the optimiser's sums and all predictions are
@@ -48,6 +45,7 @@ class ScheduledTraining(Faultable):
         default="float32",
         description="Number format of products in training; bfloat16 where the device has instructions for it",
     )
+    faults: WithFaults = None
 
 
 class WindowTraining(ScheduledTraining):
@@ -64,7 +62,7 @@ class AugmentedTraining(ScheduledTraining):
     affine: Fraction = Field(description="Probability that an image is shifted, turned and stretched (method C)")
 
 
-class SequenceTraining(Faultable):
+class SequenceTraining(Block):
     """Training as in the latent-space paper (its authors' script): Adam on the whole series as one sequence."""
 
     learning_rate: LearningRate = Field(description="Learning rate of Adam at the start")
@@ -77,9 +75,10 @@ class SequenceTraining(Faultable):
         "are faster, but forget what lies before a piece"
     )
     batch: Count = Field(description="Pieces, drawn anew in every epoch, that an update sees side by side")
+    faults: WithFaults = None
 
 
-class StretchTraining(Faultable):
+class StretchTraining(Block):
     """Training with Adam on random stretches of a series, each from a zero state.
 
     The learning rate rises and falls over the epochs (one cycle, Smith 2018). An epoch is as many stretches as cover
@@ -92,6 +91,7 @@ class StretchTraining(Faultable):
     length: Count = Field(description="Samples of a stretch")
     warm_up: CountOrNone = Field(description="First samples of a stretch that do not count in the loss")
     clip: Positive = Field(description="Norm to which gradients are clipped")
+    faults: WithFaults = None
 
     @model_validator(mode="after")
     def _something_counts(self) -> "StretchTraining":
