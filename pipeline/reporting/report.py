@@ -30,13 +30,19 @@ Place = tuple[str, ...]  # protocol, condition, metric and, of what is not the m
 class Report:
     """The results of one experiment beside what its paper prints, as the templates ask for them."""
 
-    def __init__(self, workspace: Workspace, experiment: str, settings: Mapping):
-        """Read the one table and judge the claims; settings: the experiment's block of settings."""
+    def __init__(self, workspace: Workspace, experiment: str, settings: Mapping, look: bool = False):
+        """Read the one table and judge the claims; settings: the experiment's block of settings.
+
+        The results are those of the evidence, with `look` or of own logs what the stages computed here.
+        """
         self.workspace, self.experiment, self.models = workspace, experiment, list(settings["models"])
         self.simulated = settings.get("source", "simulated") == "simulated"
+        self.of_look = look or not self.simulated
         self.protocols = list(settings["protocols"])
-        paths.require(workspace.scores(experiment), f"python -m pipeline.stages.evaluate {experiment}")
-        self.results = one_table.results(workspace, [] if self.simulated else [experiment], experiment)
+        if self.of_look:
+            self.results = one_table.of_look(workspace, experiment, own=not self.simulated)
+        else:
+            self.results = one_table.results(workspace, [], experiment)
         sets = (
             shards.read_sets(workspace)
             if self.simulated and (shards.folder(workspace) / "shards.yaml").exists()
@@ -55,27 +61,6 @@ class Report:
     def estimate(self, protocol: str, condition: str, model: str, metric: str, variant: str = "") -> Estimate:
         """Return mean and interval over the seeds of one protocol."""
         return self.results.estimate(self.experiment, protocol, condition, model, metric, variant=variant)
-
-    def training_times(self, protocol: str, model: str, budget: str) -> list[float]:
-        """Return the seconds of each training of the evidence at a budget, of the machine that did the most of them.
-
-        Seconds of a core and of a card are no spread of one time.
-        """
-        folder = shards.folder(self.workspace)
-        runs = self.results.runs(self.experiment, protocol, protocol, model, "train_s", budget=budget)
-        index = shards.table(folder / "index.csv", shards.INDEX)
-        of_budget = index[(index["experiment"] == self.experiment) & (index["budget"] == budget)]
-        times = shards.table(folder / "times.csv", shards.TIMES).merge(of_budget[["shard", "machine"]], on="shard")
-        times = times[(times["model"] == model) & (times["protocol"] == protocol)]
-        times = times[~times["shard"].str.rsplit("-", n=2).str[0].isin(self._variants)]
-        seeds = times[times["machine"] == times["machine"].mode().get(0)]["seed"].astype(int)
-        return runs[runs.index.isin(seeds)].tolist()
-
-    def machines(self) -> str:
-        """Name the processors and cards that the shards of the evidence were trained on; empty where there are none."""
-        index = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX)
-        kept = index[(index["experiment"] == self.experiment) & (index["protocol"] != shards.STUDY)]
-        return " or ".join(dict.fromkeys(kept["machine"]))
 
     def scored(self) -> dict[tuple[str, str], list[str]]:
         """Return (protocol, condition) -> the metrics that the models were scored by, in the order of scores.csv."""
