@@ -161,7 +161,8 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 def read(workspace: Workspace) -> pd.DataFrame:
     """Return the rows of all committed shards; of metric `train_s` the seconds of trainings.
 
-    These are of one machine for each experiment and protocol, see `timed_on`. None where there are none. Raises InputError where a file is not as indexed.
+    These are of one machine for each experiment and protocol, see `timed_on`. None where there are none. Raises
+    InputError where a file is not as indexed.
     """
     tables = [pd.DataFrame(columns=[*COLUMNS, "of"])]
     index, times = folder(workspace) / "index.csv", trainings(workspace)
@@ -183,7 +184,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
 
 
 def trainings(workspace: Workspace) -> pd.DataFrame:
-    """Return times.csv with experiment, budget and machine of each training's shard; without a row where there is none."""
+    """Return times.csv with experiment, budget and machine of each training's shard; no row where there is none."""
     index = table(folder(workspace) / "index.csv", INDEX)[["shard", "experiment", "budget", "machine"]]
     times = table(folder(workspace) / "times.csv", TIMES).merge(index, on="shard")
     return times.astype({"seed": int, "epochs": float, "train_s": float})

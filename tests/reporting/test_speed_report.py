@@ -171,9 +171,7 @@ def test_a_chart_of_two_machines_is_refused(measured, time, tmp_path):
 
 def test_text_says_failed_and_names_the_fronts(workspace, measured):
     settings, report, latency = measured
-    text = speed_report.speed_text(
-        speed_report.speed_table(report, settings, latency, PANELS, WRONG), "A note."
-    )
+    text = speed_report.speed_text(speed_report.speed_table(report, settings, latency, PANELS, WRONG), "A note.")
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
     (cnn,) = [row for row in rows if row[0] == "CNN"]
     assert cnn[1] == cnn[2] == "failed (1 of 3 runs); others 10.00" and cnn[-2:] == ["no", "no"]
@@ -249,7 +247,8 @@ def test_the_machine_of_the_times_is_that_of_most_full_trainings(workspace):
     shutil.rmtree(shards.folder(workspace))
     write_index(workspace, taken | {("set", 2, "full"): ("core, card", 4, 1.0)}, pd.DataFrame())
     found = times.trainings(workspace, "glove", ["session_strain"])
-    assert found.machine == "core, card" and found.seconds("session_strain", "tree", "full") == [1.0, 2.0, 2.0, 2.0, 1.0]
+    assert found.machine == "core, card"
+    assert found.seconds("session_strain", "tree", "full") == [1.0, 2.0, 2.0, 2.0, 1.0]
     assert found.seconds("session_strain", "cnn", "full") == found.seconds("session_pressure", "tree", "full") == []
     rows = shards.read(workspace)
     assert rows["value"].tolist() == [1.0] * 5, "the one table, too, has the seconds of one machine"
@@ -259,7 +258,7 @@ def test_times_of_predictions_are_those_that_the_index_tells_of(workspace):
     path = shards.study_file(workspace, "glove", times.LATENCY, 0)
     row = {"experiment": "glove", "model": "tree", "batch": 1, "threads": 1, "p50_ms": 0.5, "calls": 60}
     write_table(path, pd.DataFrame([row], columns=times.COLUMNS))
-    with pytest.raises(InputError, match="latency-0.csv: not a file that .* tells of; run `tactile evidence latency_gl"):
+    with pytest.raises(InputError, match="latency-0.csv: not a file that .* tells of; run `tactile evidence latency_"):
         times.predictions(workspace, "glove")
     index = shards.folder(workspace) / "index.csv"
     line = {"shard": "latency_glove-0-full", "sha256": sha256(path), "machine": "core"}
@@ -285,7 +284,7 @@ def test_nothing_that_is_drawn_leaves_the_axes(measured, monkeypatch, tmp_path):
     monkeypatch.setattr(style, "save", lambda figure, path: saved.append(figure))
     speed_figures.chart(tmp_path / "x.png", table, "train_s", "Glove")
     (figure,) = saved
-    assert figure.get_suptitle().startswith("Glove: error with 95 % interval over the seeds against training time, meas")
+    assert figure.get_suptitle().startswith("Glove: error with 95 % interval over the seeds against training time")
     for ax in figure.axes:
         (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
         marks = [line for line in ax.lines if line.get_transform() == ax.transData]

@@ -23,8 +23,8 @@ ROOM = 0.06  # beside what is drawn, share of an axis
 def chart(path: Path, table: pd.DataFrame, time: str, name: str) -> None:
     """Draw error against a measured time, one panel per panel of the table, the Pareto front joined.
 
-    table: see `speed.speed_table`; time: a key of `labels.FRONTS`; name: of the experiment, for the title. Both axes are
-    logarithmic. A model on the front is filled; one with a failed run is a cross of its colour at the top edge. A model
+    table: see `speed.speed_table`; time: a key of `labels.FRONTS`; name: of the experiment, for the title. Both axes
+    are logarithmic. A model on the front is filled; one with a failed run is a cross of its colour at the top edge. A model
     without a time is left out, and nothing is drawn where none has one. Raises InputError where the times are of more
     than one machine.
     """
