@@ -16,12 +16,15 @@ class Source(NamedTuple):
 
 
 class Paper(NamedTuple):
-    """What the paper prints of its models."""
+    """What the paper prints of its models, and what we show beside it."""
 
     key: str  # of published.csv
     metric: str  # of scores.csv
     printed: str  # the metric's name there
     times: int  # how many of its units are one of ours
+    conditions: Mapping[str, str]  # of its table -> heading
+    splits: Mapping[str, str]  # protocols of a condition -> in words; the paper's own first
+    variants: Mapping[tuple[str, str], str] = {}  # (protocol, model) -> variant that stands for the model
 
 
 class Twin(NamedTuple):
@@ -58,6 +61,7 @@ class Facts:
     compared: tuple[str, ...]  # protocols of which MLflow compares the first that was run
     score: str  # by which MLflow compares
     tested: Mapping[tuple[str, str], str] = field(default_factory=dict)  # (protocol, condition) of stress, in words
+    drawn: tuple[str, ...] = ()  # protocols whose predictions figures of the reports show
     sheet: str  # the function of pipeline/sheet/sources.py that makes its sensors for the data sheet
     pooled: tuple[str, ...] = ()  # name of all test windows of a run together
     # Of sensors that people record themselves.

@@ -110,6 +110,10 @@ class Workspace:
         """Return the folder with one Parquet file per model: the predictions of all its runs on the test windows."""
         return self.experiment_folder(experiment) / "predictions"
 
+    def kept(self, experiment: str) -> Path:
+        """Return the table of what figures draw (output of evaluate), which a shard of the evidence keeps."""
+        return self.experiment_folder(experiment) / "kept.parquet"
+
     def scores(self, experiment: str) -> Path:
         """Return the table with one row per metric, in full precision (output of evaluate)."""
         return self.experiment_folder(experiment) / "scores.csv"

@@ -26,7 +26,8 @@ FACTS = Facts(
     output_unit="probability",
     metric="accuracy",
     compared=("random_frames_combined", "session_combined"),
-    score="main/combined.macro_precision",
+    drawn=("session_pressure", "session_strain", "session_combined"),
+    score="errors/combined.macro_precision",
     sheet="areas_of_glove",
     tested={
         ("session_pressure", "pressure"): "pressure",
@@ -37,7 +38,15 @@ FACTS = Facts(
     layout=("ingest.max_reject_fraction",),
     sensor=("sensor.areas", "sensor.scale", "sensor.reference_ohm"),
     quick=("constant", "window_ridge", "window_trees", "naive_bayes", "tree", "sp_resnet"),
-    paper=Paper("sp_resnet", "macro_precision", "precision", 100),
+    paper=Paper(
+        *("sp_resnet", "macro_precision", "precision", 100),
+        conditions={"pressure": "Pressure", "strain": "Bending", "combined": "Both"},
+        splits={
+            "random_frames_{condition}": "random frames, networks for 4 epochs",
+            "session_{condition}": "split by session",
+        },
+        variants={("random_frames_combined", "sp_resnet"): "epochs_50"},
+    ),
     twin=Twin("glove_recorded", "Glove: recorded grasps of a robot hand and those of the glove"),
     purpose={"line_faults": "ingest is there for torn, doubled, missing and swapped lines"},
     shown={"session": "alike_within", "wander": "load_wander"},

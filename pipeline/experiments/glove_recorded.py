@@ -37,7 +37,8 @@ FACTS = Facts(
     output_unit="probability",
     metric="accuracy",
     compared=("grasp_combined",),
-    score="main/combined.macro_precision",
+    drawn=("grasp_pressure", "grasp_strain", "grasp_combined"),
+    score="errors/combined.macro_precision",
     sheet="hand",
     tested={
         ("grasp_pressure", "pressure"): "pressure",

@@ -22,6 +22,7 @@ FACTS = Facts(
     metric="error",
     compared=("task_2",),
     score="main/task_2.error",
+    drawn=("task_1", "task_2"),
     sheet="strands",
     log="daq.log",
     truth=("robot.log",),
@@ -29,7 +30,11 @@ FACTS = Facts(
     sensor=("sensor.channels", "sensor.unit"),
     panels=(Panel("Voltage (V)", r"daq", r"u\d+"), Panel("Place (mm)", r"robot", r"[xyz]_mm")),
     quick=("constant", "ridge", "window_ridge", "window_trees", "press_difference", "lstm_direct"),
-    paper=Paper("latent", "error", "test error", 1),
+    paper=Paper(
+        *("latent", "error", "test error", 1),
+        conditions={"task_1": "Task 1", "task_2": "Task 2"},
+        splits={"{condition}": "split by time"},
+    ),
     first="run000",
     twin=Twin("strain_recorded", "Strain: the recorded strands and the finger's"),
     purpose={

@@ -47,12 +47,16 @@ class Results:
         groups = rows.groupby([*KEY, "budget"]).indices
         seeds, numbers = rows["seed"].to_numpy(), rows["value"].to_numpy(float)
         self._runs = {key: pd.Series(numbers[at], index=seeds[at]).sort_index() for key, at in groups.items()}
-        budgets = rows.groupby(["experiment", "protocol"])["budget"].unique()
-        self._shown = {key: next((at for at in (FULL, HALF) if at in known), LOOK) for key, known in budgets.items()}
+        budgets = rows.groupby(["experiment", "protocol", "variant"])["budget"].unique()
+        self._shown = {key: at for key, known in budgets.items() for at in (HALF, FULL) if at in known}
 
-    def shown(self, experiment: str, protocol: str) -> str:
-        """Return the budget whose numbers people read: that of the evidence, or the look where it has no shard."""
-        return self._shown.get((experiment, protocol), LOOK)
+    def shown(self, experiment: str, protocol: str, variant: str = "") -> str:
+        """Return the budget whose numbers people read: that of the evidence, or the look where it has no shard.
+
+        A variant that the evidence has at no budget of its own is of the same one as the models in the tables.
+        """
+        places = [(experiment, protocol, name) for name in (variant, "")]
+        return next((self._shown[place] for place in places if place in self._shown), LOOK)
 
     def found(
         self, experiment: str, protocol: str, condition: str, model: str, metric: str, variant: str, budget: str
@@ -86,7 +90,7 @@ class Results:
         budget: str = "",
     ) -> pd.Series:
         """Return the values of `found`, of the budget that is shown where none is given."""
-        budget = budget or self.shown(experiment, protocol)
+        budget = budget or self.shown(experiment, protocol, variant)
         return self.found(experiment, protocol, condition, model, metric, variant, budget)[0]
 
     def estimate(self, *where: str, **further: str) -> Estimate:

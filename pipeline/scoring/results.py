@@ -193,9 +193,12 @@ def read_fit(workspace: Workspace, experiment: str, model: str, protocol: str, s
     return Fit(fit["best_epoch"], history)
 
 
-def read_windows(workspace: Workspace, experiment: str) -> pa.Table:
-    """Read the dataset's table."""
-    return schemas.read(paths.require(workspace.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}"))
+def read_windows(
+    workspace: Workspace, experiment: str, columns: Sequence[str] = (), where: pc.Expression | None = None
+) -> pa.Table:
+    """Read the dataset's table, or these columns and the rows `where` something holds of it."""
+    made_by = f"python -m pipeline.stages.dataset {experiment}"
+    return schemas.read(paths.require(workspace.dataset(experiment), made_by), columns, where)
 
 
 def read_predictions(
@@ -205,22 +208,34 @@ def read_predictions(
 
     Raises InputError where a test window has no prediction.
     """
+    test = np.flatnonzero(schemas.names(windows[schemas.split_column(protocol, seed)]) == "test")
+    predicted = read_tested(workspace, experiment, model, protocol, seed, test)
+    result = np.full((windows.num_rows, predicted.shape[1]), np.nan, np.float32)
+    result[test] = predicted
+    return result
+
+
+def read_tested(
+    workspace: Workspace, experiment: str, model: str, protocol: str, seed: int, test: np.ndarray
+) -> np.ndarray:
+    """Read the predictions of one run on the rows `test` (n,) of the dataset, rising, (n, outputs).
+
+    Raises InputError where other rows than these were predicted.
+    """
     made_by = f"python -m pipeline.stages.evaluate {experiment}"
     path = paths.require(workspace.predictions(experiment) / f"{model}.parquet", made_by)
     table = schemas.read(path)
     table = table.filter(
         (pc.field("protocol").cast("string") == protocol) & (pc.field("seed") == seed)
     ).combine_chunks()
-    test = np.flatnonzero(schemas.names(windows[schemas.split_column(protocol, seed)]) == "test")
     rows = table["window"].to_numpy()
-    if not np.array_equal(np.sort(rows), test):
+    order = np.argsort(rows, kind="stable")
+    if not np.array_equal(rows[order], test):
         raise InputError(
             f"{path}: {len(rows)} predictions of {protocol} seed {seed} do not match the "
             f"{len(test)} test windows; run `{made_by}` again"
         )
-    result = np.full((windows.num_rows, table.schema.field("prediction").type.list_size), np.nan, np.float32)
-    result[rows] = schemas.matrix(table["prediction"])
-    return result
+    return schemas.matrix(table["prediction"])[order]
 
 
 def kept_rows(path: Path, experiments: Collection[str], text: bool = False) -> pd.DataFrame:

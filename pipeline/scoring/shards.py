@@ -7,11 +7,13 @@ evidence/shards.yaml are sets, one for each amount of data; shards are called `<
 * studies/<experiment>/<table>-<seed>.csv: in place of that, the tables of a study, a set with the key `study`.
 * stress/<shard>.csv: rows as those of results, on perturbed readings and scenes; severity 0 is without.
 * curves/<shard>.csv: losses over epochs, CURVE_POINTS of each training.
-* index.csv: of each shard its digest, costs, machine and commit; times.csv: seconds of each training.
+* kept/<shard>.parquet: what figures draw of it, see `kept`. Not every shard has this and stress.
+* index.csv: of each shard its digest, costs, machine and commit, and a digest of what it has of `kept` and `stress`;
+  times.csv: seconds of each training.
 """
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,8 +29,10 @@ from pipeline.settings.shards import ShardSet
 BUDGETS = (HALF, FULL)
 STRESS = [*COLUMNS, "perturbation", "severity"]
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
+INDEX += ["kept_sha256"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
 CARD = ", "  # in a machine's name: that of its card, or another torch, comes after the processor's
+SHARD = "shard"  # column of those tables, and of the rows of `read`
 STUDY = "study"  # in the column `protocol` of index.csv, for a study
 NUMBERS = {"seed": int, "epochs": float, "core_s": float, "train_s": float}  # columns of both
 MADE_BY = "tactile evidence"
@@ -59,6 +63,7 @@ def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
     path = paths.require(folder(workspace) / "shards.yaml", "git checkout evidence/shards.yaml")
     sets = {}
     for name, (block, other) in _entries(params.parsed(path), "").items():
+        other = {key: value for key, value in other.items() if key != "stress"}
         if {"study", "variants"} & block.keys():  # it trains no models, or those that it names
             other = {key: value for key, value in other.items() if key != "models"}
         whole = _joined(other, block)
@@ -112,9 +117,34 @@ def result_file(workspace: Workspace, shard: str) -> Path:
     return folder(workspace) / "results" / f"{shard}.csv"
 
 
+def kept_file(workspace: Workspace, shard: str) -> Path:
+    """Return the file that keeps what figures draw of a shard of this name."""
+    return folder(workspace) / "kept" / f"{shard}.parquet"
+
+
 def stress_file(workspace: Workspace, shard: str) -> Path:
     """Return the file that keeps what the models of a shard score on perturbed readings and scenes."""
     return folder(workspace) / "stress" / f"{shard}.csv"
+
+
+def kept_sha256(workspace: Workspace, shard: str) -> str:
+    """Return the digest of what a shard has of `kept_file` and `stress_file`; empty where it has neither."""
+    there = [path for name in (kept_file, stress_file) if (path := name(workspace, shard)).exists()]
+    return digest(there) if there else ""
+
+
+def checked(workspace: Workspace, file: Callable[[Workspace, str], Path]) -> Iterator[tuple[pd.Series, Path]]:
+    """Yield (line of the index, file) of the shards that have one; file: `kept_file` or `stress_file`.
+
+    Raises InputError where it is not as indexed.
+    """
+    index = folder(workspace) / "index.csv"
+    for _, row in table(index, INDEX).iterrows():
+        path = file(workspace, row["shard"])
+        if kept_sha256(workspace, row["shard"]) != row["kept_sha256"]:
+            raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row['shard']}` again")
+        if path.exists():
+            yield row, path
 
 
 def study_file(workspace: Workspace, experiment: str, table: str, seed: int) -> Path:
@@ -161,10 +191,10 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 def read(workspace: Workspace) -> pd.DataFrame:
     """Return the rows of all committed shards; of metric `train_s` the seconds of trainings.
 
-    These are of one machine for each experiment and protocol, see `timed_on`. None where there are none. Raises
-    InputError where a file is not as indexed.
+    The last column, `shard`, names the shard that a row is of. The times are of one machine for each experiment and
+    protocol, see `timed_on`. None where there are none. Raises InputError where a file is not as indexed.
     """
-    tables = [pd.DataFrame(columns=[*COLUMNS, "of"])]
+    tables = [pd.DataFrame(columns=[*COLUMNS, SHARD, "of"])]
     index, times = folder(workspace) / "index.csv", trainings(workspace)
     main = {split: timed_on(runs) for split, runs in times.groupby(["experiment", "protocol"])}
     places = zip(times["experiment"], times["protocol"], times["machine"], strict=True)
@@ -177,7 +207,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
         rows = read_csv(path, COLUMNS, MADE_BY)
-        tables.append(rows.assign(of=int(row.seed or 0)))
+        tables.append(rows[COLUMNS].assign(**{SHARD: row.shard, "of": int(row.seed or 0)}))
         if row.shard in of_shard:
             tables.append(_training_times(of_shard[row.shard], rows))
     return _once(pd.concat(tables, ignore_index=True))
@@ -200,13 +230,14 @@ def timed_on(runs: pd.DataFrame) -> str:
 
 
 def stress(workspace: Workspace) -> pd.DataFrame:
-    """Return what the models of all committed shards scored under stress, columns STRESS; no row where none has any."""
-    tables = [
-        read_csv(path, STRESS, MADE_BY)
-        for shard in table(folder(workspace) / "index.csv", INDEX)["shard"]
-        if (path := stress_file(workspace, shard)).exists()
-    ]
-    return pd.concat(tables or [pd.DataFrame(columns=STRESS)], ignore_index=True).fillna({"variant": "", "budget": ""})
+    """Return what the models of all committed shards scored under stress, columns STRESS; no row where none has any.
+
+    Raises InputError where a file is not as indexed.
+    """
+    found = [path for _, path in checked(workspace, stress_file)]
+    tables = [read_csv(path, STRESS, MADE_BY).astype({"variant": object, "budget": object}) for path in found]
+    together = pd.concat(tables or [pd.DataFrame(columns=STRESS, dtype=object)], ignore_index=True)
+    return together.fillna({"variant": "", "budget": ""})
 
 
 def _once(rows: pd.DataFrame) -> pd.DataFrame:
@@ -218,7 +249,7 @@ def _once(rows: pd.DataFrame) -> pd.DataFrame:
     of_data = rows[rows["model"] == DATA].sort_values("of", kind="stable")
     former = of_data.index[of_data.duplicated([*KEY, "seed", "budget"], keep="last")]
     rows = rows.drop(index=former, columns="of")
-    return rows[~rows.assign(value=[float(f"{value:.9g}") for value in rows["value"]]).duplicated()]
+    return rows[~rows.assign(value=[float(f"{value:.9g}") for value in rows["value"]]).duplicated(COLUMNS)]
 
 
 def _training_times(times: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
@@ -226,4 +257,4 @@ def _training_times(times: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     variants = rows.drop_duplicates("model").set_index("model")["variant"]
     place = {"condition": times["protocol"]}
     place |= {"variant": times["model"].map(variants), "metric": "train_s", "unit": "s", "value": times["train_s"]}
-    return times.assign(**place).reindex(columns=COLUMNS)
+    return times.assign(**place).reindex(columns=[*COLUMNS, SHARD])

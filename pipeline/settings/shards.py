@@ -42,6 +42,10 @@ class ShardSet(Block):
     budgets: Distinct[Literal["half", "full"]] = Field(
         default=["half", "full"], description="Shares of the epochs; `full` alone where no model is trained in epochs"
     )
+    stress: bool = Field(
+        default=False,
+        description="Whether shards of the budget `full` are scored on perturbed readings and scenes, too",
+    )
     study: str = Field(default="", description="Module of pipeline/studies that is run, in place of the protocols")
     variants: dict[Text, Variant] = Field(
         default_factory=dict, description="Models with something changed that are run, in place of the models"
@@ -50,6 +54,6 @@ class ShardSet(Block):
     like: str = Field(
         default="",
         description="Set whose data it shares, and whose keys, and entries of `set`, it has where it names no own; "
-        "a study or variants have no models of it",
+        "it has neither `stress` nor, with a study or variants, models of it",
     )
     set: dict[str, Any] = Field(default_factory=dict, description="Dotted settings that differ from those in params/")

@@ -6,11 +6,11 @@ Which tests there are is read in the code of the functions that are registered a
 import ast
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import AfterValidator, Field, create_model, model_validator
 
-from pipeline.settings.shared import Block, Distinct, Number, Positive, Seeds, SomeOf, Text
+from pipeline.settings.shared import Block, Distinct, Number, Positive, SomeOf, Text
 
 
 def without_zero(severities: list[float]) -> list[float]:
@@ -21,6 +21,7 @@ def without_zero(severities: list[float]) -> list[float]:
 
 
 Severities = Annotated[Distinct[Number], AfterValidator(without_zero)]
+Severity = Annotated[Number, AfterValidator(lambda severity: without_zero([severity])[0])]
 
 
 class Declared(NamedTuple):
@@ -55,14 +56,17 @@ TESTS = [
 ]
 
 
-def severities(*of: str) -> type[SomeOf]:
-    """Return a class of severities by stress test: of the readings of a kind of input, and of an experiment's scene."""
+def severities(kind_of: Any, name: str, *of: str) -> type[SomeOf]:
+    """Return a class of severities by stress test: of the readings of a kind of input, and of an experiment's scene.
+
+    kind_of: `Severities`, or `Severity` where a test has one; name: of the class, after that of the last of `of`.
+    """
     fields = {
-        name: (Severities, Field(default=None, description=f"{test.meaning} Severity: {test.unit}"))
-        for kind, name, test in sorted(TESTS)
+        test_name: (kind_of, Field(default=None, description=f"{test.meaning} Severity: {test.unit}"))
+        for kind, test_name, test in sorted(TESTS)
         if kind in of
     }
-    return create_model(f"{of[-1].capitalize()}StressTests", __base__=SomeOf, __doc__="Severities by test.", **fields)
+    return create_model(f"{of[-1].capitalize()}{name}", __base__=SomeOf, __doc__="Severities by test.", **fields)
 
 
 class Tested(Block):
@@ -83,16 +87,12 @@ class Tested(Block):
         return self
 
 
-class SeededTest(Tested):
-    """What is tested of an experiment on images."""
-
-    seeds: Seeds = Field(description="Seeds whose trained models are tested")
-
-
-def tested(span: str, *of: str, base: type[Tested] = Tested) -> type[Tested]:
+def tested(span: str, *of: str) -> type[Tested]:
     """Return the class of what is tested of one experiment; of: as of `severities`, span: the range of its readings."""
-    perturbations = severities(*of), Field(description=f"Severities by what goes wrong; range: {span}")
-    return create_model("Stress", __base__=base, __doc__="What is tested.", perturbations=perturbations)
+    whole, one = severities(Severities, "StressTests", *of), severities(Severity, "SmokeTests", *of)
+    perturbations = whole, Field(description=f"Severities by what goes wrong, of the evidence; range: {span}")
+    look = one, Field(description="What `dvc repro` tests: that stress tests run, not where models fail")
+    return create_model("Stress", __base__=Tested, __doc__="What is tested.", perturbations=perturbations, look=look)
 
 
 class Stress(Block):
@@ -104,7 +104,5 @@ class Stress(Block):
     )
     strain: tested("each channel's", "series", "strain") = Field(description="Stress tests of strain")
     strain_recorded: tested("each channel's", "series") = Field(description="Stress tests of strain_recorded")
-    glove: tested("each area's", "images", "glove", base=SeededTest) = Field(description="Stress tests of glove")
-    glove_recorded: tested("each area's", "images", base=SeededTest) = Field(
-        description="Stress tests of glove_recorded"
-    )
+    glove: tested("each area's", "images", "glove") = Field(description="Stress tests of glove")
+    glove_recorded: tested("each area's", "images") = Field(description="Stress tests of glove_recorded")

@@ -24,9 +24,8 @@ def prepare(workspace: Workspace, values: Mapping, experiment: str) -> None:
 
 def runs(values: Mapping, experiment: str) -> Iterator[tuple[str, int]]:
     """Yield protocol and seed of every run that is tested."""
-    block = values["stress"][experiment]
-    for protocol in block["protocols"]:
-        for seed in block.get("seeds", values[experiment]["protocols"][protocol]["seeds"]):
+    for protocol in values["stress"][experiment]["protocols"]:
+        for seed in values[experiment]["protocols"][protocol]["seeds"]:
             yield protocol, seed
 
 

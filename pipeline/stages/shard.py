@@ -12,6 +12,7 @@ Usage: python -m pipeline.stages.shard SET [SEED half|full]
 import json
 import math
 import os
+import shutil
 import tempfile
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -26,7 +27,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
-from pipeline.scoring import claim_inputs, shards, units
+from pipeline.scoring import claim_inputs, kept, shards, units
 from pipeline.scoring.claim_inputs import FULL, HALF
 from pipeline.scoring.results import read_csv
 from pipeline.scoring.shards import Shard
@@ -129,7 +130,7 @@ def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) ->
         modules.run(own.root, f"pipeline.studies.{study}", each.experiment, str(shard.seed))
         keep_study(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
     else:
-        for stage in ("train", "evaluate"):
+        for stage in ("train", "evaluate", *(["stress"] if stressed(shard, each) else [])):
             modules.run(own.root, f"pipeline.stages.{stage}", each.experiment)
         write(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
     files.remove_folder(own.root, inside=own.root.parent)
@@ -167,11 +168,45 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     rows["variant"] = rows["variant"].fillna(each.variant)
     rows["protocol"] = rows["protocol"].fillna(each.protocols[0])  # of the data of a set, not of all
     files.write_table(result, rows.astype({"seed": "Int64"}), missing="nan")
+    if stressed(shard, each):
+        table = stress_rows(own, experiment, rows)
+        files.write_table(shards.stress_file(workspace, shard.name), table, missing="nan")
     curves, times = trainings(own, experiment, values)
     files.write_table(target / "curves" / f"{shard.name}.csv", curves)
+    keep(workspace, own, shard, each)
     shards.upsert(target / "times.csv", shards.TIMES, shard.name, [{"shard": shard.name, **row} for row in times])
     index(workspace, own, shard, each, values["device"], shards.digest([result]), core_s)
     print(f"{shard.name}: {len(rows)} numbers, {core_s / 60:.1f} core-minutes")
+
+
+def keep(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet) -> None:
+    """Keep what figures draw of a shard; of a variant they show nothing, and where there is no row there is no file."""
+    path, target = own.kept(each.experiment), shards.kept_file(workspace, shard.name)
+    target.unlink(missing_ok=True)
+    if not each.variant and kept.read(path, each.experiment).num_rows:
+        if path.stat().st_size > kept.LARGEST:
+            raise InputError(f"{path}: {path.stat().st_size} bytes, and a shard keeps {kept.LARGEST} at most")
+        with files.replacing(target) as draft:
+            shutil.copyfile(path, draft)
+
+
+def stressed(shard: Shard, each: ShardSet) -> bool:
+    """Return whether the models of a shard are scored on perturbed readings and scenes."""
+    return each.stress and shard.budget == FULL
+
+
+def stress_rows(own: Workspace, experiment: str, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the experiment's main score under stress, as shards.STRESS; rows: of the shard's results.
+
+    Budget and variant are those of the model's scores.
+    """
+    found = read_csv(
+        own.stress(experiment), ["model", "severity", "value"], f"python -m pipeline.stages.stress {experiment}"
+    )
+    found = found[found["metric"] == experiments.facts(experiment).metric]
+    of_model = rows.drop_duplicates("model").set_index("model")
+    place = {name: found["model"].map(of_model[name]) for name in ("variant", "budget")}
+    return found.assign(**place).reindex(columns=shards.STRESS)
 
 
 def index(
@@ -189,6 +224,7 @@ def index(
         "budget": shard.budget, "sha256": digest, "core_s": math.ceil(core_s),
         "machine": machine(each.experiment, device), "commit": provenance.git_state(workspace)[0],
         "data_sha256": files.sha256(own.dataset(each.experiment)) if not each.own_data else "",
+        "kept_sha256": shards.kept_sha256(workspace, shard.name),
     }  # fmt: skip
     shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, shard.name, [line])
 

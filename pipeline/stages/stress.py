@@ -1,6 +1,7 @@
 """Score the trained models, as they are, on perturbed test data: where does each model fail?
 
-Usage: python -m pipeline.stages.stress EXPERIMENT
+With `look` this is a smoke test, of `stress.<experiment>.look` of params.yaml.
+Usage: python -m pipeline.stages.stress EXPERIMENT [look]
 """
 
 from collections.abc import Callable, Mapping
@@ -38,9 +39,11 @@ def stress_model(
 def main(workspace: Workspace) -> None:
     """Stress the models of the experiment named on the command line."""
     values = params.load(workspace.params)
-    experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
-    asked = values["stress"][experiment]["protocols"]
-    params.check_known(asked, values[experiment]["protocols"], f"stress.{experiment}.protocols")
+    given = arguments.parse(__doc__, experiment=values["experiments"], amount=("look", None))
+    experiment, asked = given.experiment, values["stress"][given.experiment]
+    params.check_known(asked["protocols"], values[experiment]["protocols"], f"stress.{experiment}.protocols")
+    if given.amount:
+        asked["perturbations"] = {name: [severity] for name, severity in asked["look"].items()}
     models, rows = list(values[experiment]["models"]), {}
     if why_not_run(workspace, experiment) is None:
         loop.prepare(workspace, values, experiment)

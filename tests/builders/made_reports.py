@@ -194,9 +194,12 @@ def velostat_recorded(workspace, settings: dict) -> tuple:
     names = np.repeat([f"{g}/{e}" for g in ("tip_force_5", "tip_force_10") for e in ("exp1", "exp2")], 30)
     force = 5 + 5 * np.sin(np.arange(len(names)) / 4)[:, None]
     columns = {
+        "condition": pa.array([name.split("/")[0] for name in names]).dictionary_encode(),
         "recording": pa.array(names.tolist()).dictionary_encode(),
+        "press": pa.array((np.arange(len(names)) // 10).astype(np.int32)),
         "t_s": pa.array(np.tile(np.arange(30) * 0.05, 4)),
-        "y": schemas.lists(force, pa.float32()),
+        "x": schemas.lists(np.repeat(force, settings["window"]["frames"], axis=1), pa.float32()),
+        **{name: schemas.lists(force, pa.float32()) for name in ("y", "force_n", "x_mm", "y_mm")},
     }
     pooled = dict.fromkeys(("all", "tip_force_5", "tip_force_10"), ["rmse", "r2"])
     part = np.where(np.char.endswith(names, "exp2"), "test", "train")
@@ -205,18 +208,19 @@ def velostat_recorded(workspace, settings: dict) -> tuple:
 
 def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
     """Write the studies; return the dataset of 80 samples, its parts, truth, metrics."""
-    rng, n = np.random.default_rng(2), 80
+    rng, n, recorded = np.random.default_rng(2), 80, experiment == "strain_recorded"
+    conditions = ("day_1", "day_2") if recorded else ("task_0", "task_1", "task_2")
     truth = 10 * rng.uniform(-1, 1, (n, 3))
     columns = {
-        "condition": pa.array([f"task_{k % 3}" for k in range(n)]).dictionary_encode(),
+        "condition": pa.array([conditions[k % len(conditions)] for k in range(n)]).dictionary_encode(),
         "recording": pa.array(["run000"] * n).dictionary_encode(),
-        "press": pa.array((np.arange(n) // 4).astype(np.int32)),
+        "press": pa.array((np.arange(n) // 8 if recorded else np.full(n, -1)).astype(np.int32)),
         "t_s": pa.array(np.arange(n) * 20.0),
-        "v": schemas.lists(rng.normal(size=(n, 4)), pa.float32()),
+        "v": schemas.lists(rng.normal(size=(n, 7)), pa.float32()),
         "y": schemas.lists(truth, pa.float32()),
     }
     part = np.where(np.arange(n) < 40, "train", "test")
-    if experiment == "strain_recorded":
+    if recorded:
         scored = {"xy": ["error", "r2_x", "r2_y", "press_error", "press_r2_x", "press_r2_y"], "z": ["error", "r2_z"]}
         scored["xyz"] = scored["xy"][:3]
         days = {"within_day": "day_1", "across_days": "day_2"}

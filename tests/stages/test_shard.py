@@ -5,13 +5,14 @@ import shutil
 import pandas as pd
 import pytest
 import yaml
+from builders import kept_scores
 from builders.project import ROOT, in_this_process, miniature_settings
 
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards, studies
+from pipeline.scoring import kept, shards, studies
 from pipeline.scoring.shards import Shard
 from pipeline.settings.shards import Variant
 from pipeline.stages import shard
@@ -35,9 +36,12 @@ def test_the_index_has_the_digest_of_every_shard_as_it_is_kept():
     for line in pd.read_csv(here / "index.csv").itertuples():
         each = SETS[line.shard.rsplit("-", 2)[0]]
         tables = LATENT if each.study == "latent" else [each.study]
-        kept = [shards.study_file(Workspace(ROOT), each.experiment, table, line.seed) for table in tables]
-        kept = kept if each.study else [here / "results" / f"{line.shard}.csv"]
-        assert shards.digest(kept) == line.sha256, line.shard
+        results = [shards.study_file(Workspace(ROOT), each.experiment, table, line.seed) for table in tables]
+        results = results if each.study else [here / "results" / f"{line.shard}.csv"]
+        assert shards.digest(results) == line.sha256, line.shard
+        assert shards.kept_sha256(Workspace(ROOT), line.shard) == (
+            "" if pd.isna(line.kept_sha256) else line.kept_sha256
+        )
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -55,7 +59,7 @@ def test_sets_that_share_data_ask_for_the_same():
     for name, each in SETS.items():
         if each.like and not (each.study or each.variants):
             other = SETS[each.like]
-            assert stages[name]["params"][1] == {"evidence/shards.yaml": [each.like, name]}
+            assert stages[name]["params"][-1] == {"evidence/shards.yaml": [each.like, name]}
             assert (each.experiment, other.like) == (other.experiment, ""), name
             differing = {key for key in each.set if each.set[key] != other.set.get(key)}
             assert all(".models." in key for key in differing) and bool(differing) == (each.variant != other.variant), (
@@ -115,12 +119,42 @@ def test_a_shard_says_what_it_is_of_and_comes_out_the_same(strain):
     (line,) = pd.read_csv(folder / "index.csv").to_dict("records")
     assert (line["shard"], line["experiment"], line["budget"]) == ("strain-0-half", "strain", "half")
     assert line["sha256"] == files.sha256(result) and line["core_s"] > 0 and line["machine"]
+    drawn = shards.kept_file(workspace, "strain-0-half")
+    assert line["kept_sha256"] == files.sha256(drawn) and drawn.stat().st_size < kept.LARGEST
+    found = kept_scores.of("strain", kept.read(drawn, "strain"))
+    both = found.merge(table.assign(budget=""), on=kept_scores.KEY, suffixes=("", "_of_row"))
+    assert len(both) == len(found) == 2 * len(set(table["model"]))  # tasks 1 and 2
+    assert both["value"].to_list() == pytest.approx(both["value_of_row"].to_list(), rel=1e-9)
     times = pd.read_csv(folder / "times.csv")
     assert (times["train_s"] >= 0).all() and set(times["model"]) == set(table["model"])
     assert not (workspace.root / "build" / "evidence" / "strain-0-half").exists()
     result.unlink()
     compute()
     assert result.read_bytes() == first and len(pd.read_csv(folder / "index.csv")) == 1
+
+
+@pytest.mark.slow
+def test_a_shard_keeps_what_its_models_score_under_stress(strain, tmp_path):
+    """Only at the full budget; severity 0 is the score of the results, and every severity of the settings is there."""
+    half, _ = strain
+    assert SETS["strain"].stress and not SETS["glove_augmentation_A"].stress  # which is like a set that has it
+    assert shards.stress(half).empty
+    workspace = Workspace(tmp_path)
+    copied(half.params, workspace.root)
+    shutil.copytree(half.root / "build", workspace.root / "build", symlinks=True)
+    each = SETS["strain"].model_copy(update={"seeds": 1, "set": {}})
+    shard.compute(workspace, Shard("strain", 0, "full"), {"strain": each})
+    table, results = shards.stress(workspace), shards.read(workspace)
+    place = ["protocol", "condition", "model", "variant", "seed", "budget", "metric"]
+    assert set(table["metric"]) == {"error"} and set(table["protocol"]) == {"task_1", "task_2"}
+    readings = table[~table["perturbation"].isin(["rate", "speed", "specimen"])]  # these have a recording of their own
+    clean = readings[readings["severity"] == 0].merge(results.fillna({"budget": "", "variant": ""}), on=place)
+    assert len(clean) == (readings["severity"] == 0).sum() > 0
+    assert clean["value_x"].to_numpy() == pytest.approx(clean["value_y"].to_numpy(), rel=1e-4)
+    asked = params.load(workspace.params)["stress"]["strain"]["perturbations"]
+    found = {name: set(rows["severity"]) for name, rows in table.groupby("perturbation")}
+    assert found == {name: {0, *severities} for name, severities in asked.items()}
+    assert set(table[table["model"] == "lstm_direct"]["budget"]) == {"full"}
 
 
 @pytest.mark.slow

@@ -24,9 +24,9 @@ def chart(path: Path, table: pd.DataFrame, time: str, name: str) -> None:
     """Draw error against a measured time, one panel per panel of the table, the Pareto front joined.
 
     table: see `speed.speed_table`; time: a key of `labels.FRONTS`; name: of the experiment, for the title. Both axes
-    are logarithmic. A model on the front is filled; one with a failed run is a cross of its colour at the top edge. A model
-    without a time is left out, and nothing is drawn where none has one. Raises InputError where the times are of more
-    than one machine.
+    are logarithmic. A model on the front is filled; one with a failed run is a cross of its colour at the top edge. One
+    without a time is left out, and nothing is drawn where none has a time. Raises InputError where the times are of
+    more than one machine.
     """
     table = table[table[time].notna() & (table["runs"] + table["failed"] > 0)]
     machine = one_machine(table[MACHINES[time]], f"{name}, {TIMES[time]}")

@@ -12,7 +12,7 @@ import pandas as pd
 import yaml
 from markupsafe import Markup
 
-from pipeline.base import paths
+from pipeline.base import files, paths
 from pipeline.base.availability import has_report, why_not_run, why_not_shown
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
@@ -20,7 +20,7 @@ from pipeline.claims import entries, stability
 from pipeline.claims.rules import BAND
 from pipeline.experiments import facts
 from pipeline.reporting.figures import ratios
-from pipeline.reporting.page import answers, charts, claims
+from pipeline.reporting.page import answers, charts, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
 from pipeline.reporting.studies import JOINED, stability_file
 from pipeline.reporting.tables import Table
@@ -41,7 +41,9 @@ CAPTIONED = re.compile(r"^(?:- |!)\[[^\]]*\]\(([^)\s]+)\.png\):? *(.*)\n", re.MU
 
 
 def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
-    """Return the pages, file name -> HTML, and write their chart and the answers in README.md; values: all settings.
+    """Return the pages, file name -> HTML; write their chart, shards.md and the answers in README.md.
+
+    values: all settings.
 
     index.html has answers, speed, stability, claims and provenance, appendix.html all further tables and figures.
     """
@@ -55,16 +57,15 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     found = answers.answers(workspace, judged, results, content, values)
     ratios.chart(workspace.reports / answers.CHART, {one.heading: one.points for one in found}, BAND)
     answers.write_readme(workspace, found)
+    files.write_text(workspace.reports / origins.FILE, origins.document(workspace, results))
     papers = entries.papers(workspace)
     simulated = {key: (paper.simulated, paper.title) for key, paper in papers.items() if paper.simulated in speeds}
-    titled = [
-        last_panel(speeds[name], title, content["answers"][paper]["conditions"])
-        for paper, (name, title) in simulated.items()
-    ]
+    titled = [last_panel(speeds[name], title, facts(name).paper.conditions) for name, title in simulated.values()]
     opening = fill(
         "answers",
         claims=len(claims.claim_text.counted(judged)),
         answers=found,
+        link=Markup('<a href="{1}">{0}</a>').format,
         chart=figure(workspace, answers.CHART, "Our errors over the published ones, one panel per paper"),
         verdicts=claims.VERDICTS,
         speed=charts.data(pd.concat(titled), "Speed against accuracy") if titled else {},
