@@ -196,10 +196,8 @@ def read(workspace: Workspace) -> pd.DataFrame:
     """
     tables = [pd.DataFrame(columns=[*COLUMNS, SHARD, "of"])]
     index, times = folder(workspace) / "index.csv", trainings(workspace)
-    main = {split: timed_on(runs) for split, runs in times.groupby(["experiment", "protocol"])}
-    places = zip(times["experiment"], times["protocol"], times["machine"], strict=True)
-    times = times[[main[experiment, protocol] == machine for experiment, protocol, machine in places]]
-    of_shard = dict(list(times.groupby("shard")))
+    splits = [runs[runs["machine"] == timed_on(runs)] for _, runs in times.groupby(["experiment", "protocol"])]
+    of_shard = dict(list(pd.concat([times[:0], *splits]).sort_index().groupby("shard")))
     for row in table(index, INDEX).itertuples():
         if row.protocol == STUDY:
             continue

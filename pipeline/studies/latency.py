@@ -12,12 +12,11 @@ from pipeline.scoring.times import LATENCY
 def main(workspace: Workspace) -> None:
     """Time the models of the experiment named on the command line."""
     values = params.load(workspace.params)
-    seeds = sorted({seed for name in values["experiments"] for _, seed in params.runs(values, name)})
-    given = arguments.parse(__doc__, experiment=values["experiments"], seed=tuple(map(str, seeds)))
+    experiment, _ = arguments.of_study(__doc__, values["experiments"])
     for stage in ("train", "latency"):
-        modules.run(workspace.root, f"pipeline.stages.{stage}", given.experiment)
-    measured = workspace.latency(given.experiment).read_text(encoding="utf-8")
-    files.write_text(workspace.study_result(given.experiment, LATENCY), measured)
+        modules.run(workspace.root, f"pipeline.stages.{stage}", experiment)
+    measured = workspace.latency(experiment).read_text(encoding="utf-8")
+    files.write_text(workspace.study_result(experiment, LATENCY), measured)
 
 
 if __name__ == "__main__":
