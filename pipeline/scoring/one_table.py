@@ -1,5 +1,7 @@
 """Read the one table of results: scores, times, counts and studies, one row for each number of a seed.
 
+There are two of them: that of the evidence, which people read, and that of what `dvc repro` computed here, the look.
+
 A row says what was measured (experiment, protocol, condition, model, variant, metric), of which seed, with which budget
 of training, and the value, NaN for a failed run. A row without a protocol, a seed or a budget is of all of them. What
 `dvc repro` trains is of the budget `look`, the committed shards of the evidence are of `half` and `full`.
@@ -14,7 +16,7 @@ import pandas as pd
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.scoring import shards, units
-from pipeline.scoring.claim_inputs import COLUMNS, FULL, HALF, KEY, LOOK
+from pipeline.scoring.claim_inputs import COLUMNS, DERIVED_METRICS, FULL, HALF, KEY, LOOK
 from pipeline.scoring.published import ANY
 from pipeline.scoring.results import Estimate, estimate, read_csv, scale_of
 from pipeline.scoring.strain_results import LATENT
@@ -119,6 +121,24 @@ def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path | lis
 def of_own_logs(values: Mapping) -> list[str]:
     """Return the experiments whose logs are the user's own; values: all settings."""
     return [name for name in values["experiments"] if values[name].get("source", SIMULATED) != SIMULATED]
+
+
+def of_look(workspace: Workspace, experiment: str, own: bool = False) -> Results:
+    """Return what the stages of one experiment computed here; own: of own logs, where the look is all that there is."""
+    table = read(of_experiment(workspace, experiment))
+    budget = table["budget"].where(table["budget"] != LOOK, FULL) if own else table["budget"]
+    return Results(table.assign(budget=budget))
+
+
+def of_evidence(workspace: Workspace, experiment: str) -> Results:
+    """Return the evidence on one experiment, with what is counted."""
+    kept = shards.read(workspace)
+    derived = kept["metric"].isin(DERIVED_METRICS) | kept["metric"].str.endswith(units.SUFFIX)
+    kept = kept.assign(**{WHOLE: ~derived & kept["variant"].fillna("").eq("")})
+    further = read({"counts": workspace.reports / "counts.csv", "drift": workspace.study("strain", "drift")})
+    table = pd.concat([further, kept], ignore_index=True)
+    table = table[table["experiment"] == experiment]
+    return Results(table.fillna({WHOLE: False}).astype({WHOLE: bool}))
 
 
 def results(workspace: Workspace, own: Collection[str], experiment: str = "") -> Results:
