@@ -158,7 +158,7 @@ class Report:
             number += " together"
         elif runs > 1:
             number = f"{f'{together} together' if together > 1 else 'first'} of {number}"
-        return f"{BUDGETS[budget]}, {number}, test part of {plain(protocol)}"
+        return f"{BUDGETS[budget].removeprefix('the ')}, {number}, test part of {plain(protocol)}"
 
     def curves(self, protocols: Iterable[str]) -> pd.DataFrame:
         """Return the losses of all trainings of more than one epoch: CURVE and `budget`, of the shards or of the look.

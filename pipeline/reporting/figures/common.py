@@ -15,7 +15,7 @@ from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import results
 from pipeline.scoring.claim_inputs import HALF
 
-LOOKS = ((style.BLUE, "-"), (style.VERMILION, "--"), (style.BLACK, ":"))  # of groups of runs
+COLOURS = (style.BLUE, style.VERMILION, style.BLACK)  # of groups of runs
 GAP = 3.0  # median intervals; no line is drawn over a longer one
 LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
 MARGIN = 0.3  # of the range of true values, by which predicted ones may leave it in a cloud of points
@@ -40,17 +40,17 @@ def learning_curves(
     figure, axes = style.panels(len(models), columns, 3.7 * columns, 2.8, 0.8)
     for ax, model in zip(axes.flat, models, strict=False):
         own = curves[curves["model"] == model]
-        for (colour, dashes), (group, protocol) in zip(LOOKS, groups.items(), strict=False):
+        for colour, (group, protocol) in zip(COLOURS, groups.items(), strict=False):
             of_group = own[own["protocol"] == protocol]
             for (budget, _), run in of_group.groupby(["budget", "seed"], sort=False):
-                name, look = (group, dashes) if budget != HALF else (f"{group}, half of the epochs", (0, (1, 1.5)))
+                name, look = (group, "-") if budget != HALF else (f"{group}, half of the epochs", ":")
                 drawn = {"color": colour, "linestyle": look, "linewidth": 1.1, "alpha": 0.7}
                 (handles[name],) = ax.plot(run["epoch"], run["validation_loss"], **drawn)
                 if len(groups) == 1 and budget != HALF:
-                    drawn = {"color": style.GREY, "linestyle": ":", "linewidth": 1}
+                    drawn = {"color": style.GREY, "linestyle": "--", "linewidth": 0.8}
                     (handles["training loss"],) = ax.plot(run["epoch"], run["train_loss"], **drawn)
         if epochs.get(model, np.inf) <= own["epoch"].max():
-            handles["epochs of the paper"] = ax.axvline(epochs[model], color=style.BLACK, linewidth=0.8)
+            handles["epochs of the paper"] = ax.axvline(epochs[model], color=style.PURPLE, linewidth=1.5)
         ax.set(title=model_name(model), yscale="log", xlabel="Epoch")
         style.plain_log(ax.yaxis)
         ax.xaxis.get_major_locator().set_params(integer=True)
