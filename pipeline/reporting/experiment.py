@@ -15,6 +15,7 @@ from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import common
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.report import BUDGETS, Report
+from pipeline.reporting.words.labels import experiment_name
 from pipeline.scoring import results
 from pipeline.scoring.published import PRINTED
 
@@ -45,12 +46,9 @@ def write_speed(
     end: str = "",
 ) -> None:
     """Write the folder `speed`; panels, measure: see `speed.speed_table`; note, end: more text of table2.md."""
-    folder, latency = target / "speed", results.read_latency(workspace, report.experiment, settings)
-    table = speed_report.speed_table(workspace, report, settings, latency, panels, measure)
+    folder, name = target / "speed", experiment_name(report.experiment)
+    table = speed_report.speed_table(report, settings, speed_report.timed(report, settings), panels, measure)
     files.write_table(folder / "table2.csv", table)
-    files.write_text(
-        folder / "table2.md",
-        speed_report.speed_text(table, settings["latency"]["calls"], report.machines(), note) + end,
-    )
-    speed_figures.chart(folder / "tradeoff.png", table, "p50_ms")
-    speed_figures.chart(folder / "training.png", table, "train_s")
+    files.write_text(folder / "table2.md", speed_report.speed_text(table, note) + end)
+    speed_figures.chart(folder / "tradeoff.png", table, "p50_ms", name)
+    speed_figures.chart(folder / "training.png", table, "train_s", name)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files, paths
+from pipeline.base import files
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
 from pipeline.reporting import differences
@@ -45,7 +45,7 @@ class Report:
             paths.require(workspace.scores(experiment), f"python -m pipeline.stages.evaluate {experiment}")
             self.results = one_table.of_look(workspace, experiment, own=not self.simulated)
         else:
-            self.results = one_table.of_evidence(workspace, experiment)
+            self.results = one_table.results(workspace, [], experiment)
         sets = (
             shards.read_sets(workspace)
             if self.simulated and (shards.folder(workspace) / "shards.yaml").exists()
@@ -69,27 +69,6 @@ class Report:
     def estimate(self, protocol: str, condition: str, model: str, metric: str, variant: str = "") -> Estimate:
         """Return mean and interval over the seeds of one protocol."""
         return self.results.estimate(self.experiment, protocol, condition, model, metric, variant=variant)
-
-    def training_times(self, protocol: str, model: str, budget: str) -> list[float]:
-        """Return the seconds of each training of the evidence at a budget, of the machine that did the most of them.
-
-        Seconds of a core and of a card are no spread of one time.
-        """
-        folder = shards.folder(self.workspace)
-        runs = self.results.runs(self.experiment, protocol, protocol, model, "train_s", budget=budget)
-        index = shards.table(folder / "index.csv", shards.INDEX)
-        of_budget = index[(index["experiment"] == self.experiment) & (index["budget"] == budget)]
-        times = shards.table(folder / "times.csv", shards.TIMES).merge(of_budget[["shard", "machine"]], on="shard")
-        times = times[(times["model"] == model) & (times["protocol"] == protocol)]
-        times = times[~times["shard"].str.rsplit("-", n=2).str[0].isin(self._variants)]
-        seeds = times[times["machine"] == times["machine"].mode().get(0)]["seed"].astype(int)
-        return runs[runs.index.isin(seeds)].tolist()
-
-    def machines(self) -> str:
-        """Name the processors and cards that the shards of the evidence were trained on; empty where there are none."""
-        index = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX)
-        kept = index[(index["experiment"] == self.experiment) & (index["protocol"] != shards.STUDY)]
-        return " or ".join(dict.fromkeys(kept["machine"]))
 
     def scored(self) -> dict[tuple[str, str], list[str]]:
         """Return (protocol, condition) -> the metrics that the models were scored by, in the order of scores.csv."""
