@@ -30,6 +30,7 @@ FACTS = Facts(
     compared=("random_window", "press"),
     score="main/double.rmse",
     drawn=("press",),
+    seeds="arrays",
     sheet="array",
     tested={
         ("press", "single"): "single touches",

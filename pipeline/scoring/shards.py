@@ -133,13 +133,17 @@ def kept_sha256(workspace: Workspace, shard: str) -> str:
     return digest(there) if there else ""
 
 
-def checked(workspace: Workspace, file: Callable[[Workspace, str], Path]) -> Iterator[tuple[pd.Series, Path]]:
+def checked(
+    workspace: Workspace, file: Callable[[Workspace, str], Path], experiment: str = ""
+) -> Iterator[tuple[pd.Series, Path]]:
     """Yield (line of the index, file) of the shards that have one; file: `kept_file` or `stress_file`.
 
-    Raises InputError where it is not as indexed.
+    experiment: the only one that is asked for, or every one. Raises InputError where a file is not as indexed.
     """
     index = folder(workspace) / "index.csv"
     for _, row in table(index, INDEX).iterrows():
+        if experiment not in ("", row["experiment"]):
+            continue
         path = file(workspace, row["shard"])
         if kept_sha256(workspace, row["shard"]) != row["kept_sha256"]:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row['shard']}` again")
