@@ -2,19 +2,23 @@
 
 They are of the evidence. With `look`, the same is written to reports/look/<experiment> of what was computed here; that
 of people's own logs, of which there is no evidence, is there alone. Everything with a measured time in it is in the
-folder `speed`; the folder `accuracy` is the same in every run.
-Usage: python -m pipeline.stages.render EXPERIMENT [look]
+folder `speed`; the folder `accuracy` is the same in every run. The word `all` stands for every experiment.
+Usage: python -m pipeline.stages.render EXPERIMENT|all [look]
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pipeline.base import arguments, files, params
+from tqdm import tqdm
+
+from pipeline.base import arguments, files, params, workers
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
 from pipeline.reporting import glove, own_sensor, recorded, strain, touch
 from pipeline.scoring.claim_inputs import LOOK
+from pipeline.scoring.one_table import of_own_logs
 
+ALL = "all"
 SIMULATED = {report.__name__.rpartition(".")[2]: report for report in (glove, strain, touch)}  # named as experiments
 
 
@@ -28,14 +32,11 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
         SIMULATED[experiment].write(workspace, target, settings, look)
 
 
-def main(workspace: Workspace) -> None:
-    """Render the experiment named on the command line; its folder is replaced whole."""
-    values = params.load(workspace.params)
-    given = arguments.parse(__doc__, experiment=values["experiments"], of=(LOOK, None))
-    experiment, look = given.experiment, given.of == LOOK
+def render(workspace: Workspace, values: Mapping, experiment: str, look: bool, report: Callable[[], None]) -> None:
+    """Render one experiment; its folder is replaced whole."""
     target = (workspace.look if look else workspace.reports) / experiment
     reason = why_not_run(workspace, experiment) if look else None
-    if not look and values[experiment].get("source", "simulated") != "simulated":
+    if not look and experiment in of_own_logs(values):
         reason = f"of own logs there is no evidence; their report is in reports/look/{experiment}"
     with files.replacing_folder(target) as draft:
         for part in ("accuracy", "speed"):
@@ -45,7 +46,21 @@ def main(workspace: Workspace) -> None:
                 files.write_text(draft / part / "README.md", text)
         if reason is None:
             write(workspace, draft, experiment, values[experiment], look)
-    print(f"{target.relative_to(workspace.root)}: {sum(path.is_file() for path in target.rglob('*'))} files")
+    report()
+
+
+def main(workspace: Workspace) -> None:
+    """Render the experiment named on the command line, or all of them, in as many processes as there are cores."""
+    values = params.load(workspace.params)
+    given = arguments.parse(__doc__, experiment=(*values["experiments"], ALL), of=(LOOK, None))
+    asked = values["experiments"] if given.experiment == ALL else [given.experiment]
+    calls = {name: (workspace, values, name, given.of == LOOK) for name in asked}
+    with tqdm(total=len(asked), desc="render", unit="report") as bar:
+        list(workers.run(render, calls, bar))
+    target = workspace.look if given.of == LOOK else workspace.reports
+    for name in asked:
+        count = sum(path.is_file() for path in (target / name).rglob("*"))
+        print(f"{(target / name).relative_to(workspace.root)}: {count} files")
 
 
 if __name__ == "__main__":
