@@ -61,6 +61,7 @@ class Facts:
     metric: str  # that models are compared by; less is better, but of accuracy
     compared: tuple[str, ...]  # protocols of which MLflow compares the first that was run
     score: str  # by which MLflow compares
+    first_tested: tuple[str, str]  # protocol and condition whose stability people read first
     tested: Mapping[tuple[str, str], str] = field(default_factory=dict)  # (protocol, condition) of stress, in words
     drawn: tuple[str, ...] = ()  # protocols whose predictions figures of the reports show
     seeds: str = "starts"  # what each seed has another one of, in the plural

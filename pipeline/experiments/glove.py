@@ -26,6 +26,7 @@ FACTS = Facts(
     output_unit="probability",
     metric="accuracy",
     compared=("random_frames_combined", "session_combined"),
+    first_tested=("session_combined", "combined"),
     drawn=("session_pressure", "session_strain", "session_combined"),
     seeds="gloves",
     score="errors/combined.macro_precision",

@@ -37,6 +37,7 @@ FACTS = Facts(
     output_unit="probability",
     metric="accuracy",
     compared=("grasp_combined",),
+    first_tested=("grasp_combined", "combined"),
     drawn=("grasp_pressure", "grasp_strain", "grasp_combined"),
     score="errors/combined.macro_precision",
     sheet="hand",

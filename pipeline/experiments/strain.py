@@ -22,6 +22,7 @@ FACTS = Facts(
     metric="error",
     compared=("task_2",),
     score="main/task_2.error",
+    first_tested=("task_1", "task_1"),
     drawn=("task_1", "task_2"),
     seeds="fingers",
     sheet="strands",

@@ -26,6 +26,7 @@ FACTS = Facts(
     metric="error",
     compared=("across_days_xy",),
     score="main/day_2.error",
+    first_tested=("across_days_xy", "day_2"),
     drawn=("within_day_xy", "across_days_xy", "new_places_xy", "days_swapped_xy", "failing_channel_xy"),
     sheet="recorded_strands",
     tested={("within_day_xy", "day_1"): "within a day", ("across_days_xy", "day_2"): "across days"},

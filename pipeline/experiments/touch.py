@@ -29,6 +29,7 @@ FACTS = Facts(
     metric="rmse",
     compared=("random_window", "press"),
     score="main/double.rmse",
+    first_tested=("press", "double"),
     drawn=("press",),
     seeds="arrays",
     sheet="array",

@@ -22,6 +22,7 @@ FACTS = Facts(
     metric="rmse",
     compared=("repetition",),
     score="main/all.rmse",
+    first_tested=("repetition", "all"),
     drawn=("repetition",),
     sheet="taxel",
     tested={("repetition", "all"): "all recordings"},

@@ -8,9 +8,10 @@ import shutil
 import pandas as pd
 import pytest
 import yaml
-from builders import own_logs
+from builders import own_logs, stress_rows
 from builders.project import ROOT, Project, copy_code, in_this_process, miniature_settings, run_stage
 
+from pipeline.base.paths import Workspace
 from pipeline.claims.rules import REPRODUCED
 from pipeline.scoring import one_table, shards
 from pipeline.stages import judge, render_study, shard
@@ -170,20 +171,21 @@ def test_a_stress_test_of_one_function_is_in_the_table_and_in_the_report(tmp_pat
     with open(project.folder / "pipeline" / "stability" / "perturbations.py", "a") as code:
         code.write(STRESS_TEST)
     asked = {"protocols": ["task_1"], "usable": {"task_1": 1.0}}
-    asked |= {"perturbations": {"sagging_supply": [0.5, 0.1], "noise": [0.1]}}
+    asked |= {"perturbations": {"sagging_supply": [0.5, 0.1], "noise": [0.1]}, "look": {"noise": 0.1}}
     models = {"constant": {}, "ridge": {"ridge": 1.0}}
     few = {"strain.protocols": {"task_1": {"seeds": [0]}, "task_0": {"seeds": [0]}}, "strain.models": models}
     project.set({"experiments": ["strain"], "stress.strain": asked} | few)
     project.stages(*(f"stages.{stage} strain" for stage in STRESSED))
-    (project.folder / "reports").mkdir(exist_ok=True)
-    shutil.copy(project.folder / "data" / "strain" / "stress.csv", project.folder / "reports")
-    project.stages("stages.render_study stability")
     table = pd.read_csv(project.folder / "data" / "strain" / "stress.csv")
+    main = table[table["metric"] == "error"].assign(variant="", budget="")
+    stress_rows.keep(Workspace(project.folder), "strain-0-full", main.reindex(columns=shards.STRESS))
+    project.stages("stages.render_study stability")
     error = table[table["metric"] == "error"].set_index(["model", "perturbation", "severity"])["value"].sort_index()
     assert list(error["ridge", "sagging_supply"].index) == [0, 0.1, 0.5]
     clean, some, more = error["ridge", "sagging_supply"]
     assert clean == error["ridge", "noise", 0] and clean < some < more
     assert error["constant", "sagging_supply"].nunique() == 1
     report = (project.folder / "reports" / "stability" / "README.md").read_text()
-    assert re.search(r"\| Model +\| Relative error +\| Sagging supply +\| Noise +\|", report)
-    assert re.search(r"\| Sagging supply +\| +0.5 +\| +take the same share of the range from all elements +\|", report)
+    where = r"\(share of the range\) +\|"
+    assert re.search(rf"\| Model +\| Clean \(mm\) +\| Sagging supply {where} Noise {where}", report)
+    assert re.search(r"\| Sagging supply +\| +take the same share of the range from all elements +\|.* 0.5 \|", report)

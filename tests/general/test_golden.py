@@ -21,12 +21,12 @@ from pipeline.claims.rules import CONTRADICTED, OFF
 from pipeline.commands import coverage
 from pipeline.reporting import claims as claims_report
 from pipeline.reporting import experiment as experiment_report
-from pipeline.reporting import recorded, speed, studies
+from pipeline.reporting import recorded, speed, stability, studies
 from pipeline.reporting.page import sections
 from pipeline.reporting.words.labels import FRONTS, SPREAD
 from pipeline.scenes import glove as glove_scene
 from pipeline.scoring import one_table, results
-from pipeline.stages import metrics, render, twins
+from pipeline.stages import metrics, render, render_study, twins
 from pipeline.studies import counts
 
 REPOSITORY = Workspace(ROOT)
@@ -180,22 +180,20 @@ def assert_same_file(found, committed) -> None:
         assert equal, (committed, column)
 
 
-STUDIES = ("stability", "rightsize", "physics")
+STUDIES = {"stability": stability.stability, "rightsize": studies.rightsize, "physics": studies.physics}
+OF_STUDIES = {name: render_study.TABLES.get(study, f"{name}.csv") for name, study in STUDIES.items()}  # their tables
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_the_report_of_a_study_follows_from_the_stress_tests_and_the_evidence(name, tmp_path, undrawn, monkeypatch):
-    """Of every run of the settings: of the committed results there is none missing, wherever they were computed."""
-    monkeypatch.setattr(studies, "why_not_run", lambda *given: None)
+def test_the_report_of_a_study_follows_from_the_evidence(name, tmp_path, undrawn):
     folder = tmp_path / name
     folder.mkdir()
-    table = getattr(studies, name)(REPOSITORY, folder, VALUES)
+    table = STUDIES[name](REPOSITORY, folder, VALUES)
     for file in sorted(path for path in folder.iterdir() if path.suffix != ".png"):
         assert_same_file(file, REPORTS / name / file.name)
     assert {path.name for path in folder.iterdir()} == {path.name for path in (REPORTS / name).iterdir()}
-    if table is not None:
-        table.to_csv(tmp_path / "table.csv", index=False, na_rep="nan" if name == "rightsize" else "")
-        assert_same_file(tmp_path / "table.csv", REPORTS / f"{name}.csv")
+    table.to_csv(tmp_path / "table.csv", index=False, na_rep="" if name == "physics" else "nan")
+    assert_same_file(tmp_path / "table.csv", REPORTS / OF_STUDIES[name])
 
 
 @pytest.mark.parametrize("experiment", list(twins.MODULES))
@@ -270,13 +268,12 @@ ANEW = {
     *(f"{name}/*/*.{kind}" for name in DERIVED for kind in ("csv", "md")),
     *map(relative, [*TABLES, *SPEEDS]),
     *(f"{name}/*.{kind}" for name in STUDIES for kind in ("csv", "md")),
-    *(f"{name}.csv" for name in STUDIES if name != "stability"),
+    *OF_STUDIES.values(),
     "coverage/README.md",
 }
 NOT_ANEW = {  # with the reason
     "*.png": "pictures: what they show are the tables, and libraries draw them by other bytes",
     "scores.csv": "trained: hours; tests/miniature.csv pins the same code at small scale",
-    "stress.csv": "trained: hours; tests/miniature.csv pins the same code at small scale",
     "claim_inputs.csv": "of trained models: hours",
     "latency.csv": "measured on one machine",
     "benchmarks.csv": "measured on one machine",

@@ -21,9 +21,9 @@ from pipeline.experiments import facts
 from pipeline.reporting.figures import ratios
 from pipeline.reporting.page import answers, charts, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
-from pipeline.reporting.studies import JOINED, stability_file
+from pipeline.reporting.stability import FINDINGS, stability_table
 from pipeline.reporting.tables import Table
-from pipeline.reporting.words.labels import condition_name, experiment_name, model_name, perturbation, plain
+from pipeline.reporting.words.labels import condition_name, experiment_name, plain
 from pipeline.scoring import one_table
 from pipeline.scoring.results import read_csv
 
@@ -54,6 +54,7 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     data = {name: data_of(name, block) for name, block in values.items() if name in shown}
     speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
     failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
+    said = read_csv(workspace.reports / "stability" / "findings.csv", FINDINGS, "dvc repro")
     results = one_table.results(workspace, own)
     found = answers.answers(workspace, judged, results, content, values)
     ratios.chart(workspace.reports / answers.CHART, {one.heading: one.points for one in found}, BAND)
@@ -71,7 +72,7 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
         verdicts=claims.VERDICTS,
         speed=charts.data(pd.concat(titled), "Speed against accuracy") if titled else {},
     )
-    first = [opening, stability_summary(workspace, failures), claims.section(workspace, judged)]
+    first = [opening, stability_summary(failures, said), claims.section(workspace, judged)]
     contents = [(key, name, []) for key, name in CONTENTS.items()]
     index = fill("page", heading=HEADING, contents=contents, body=[*first, provenance(workspace, data)])
     body, contents = [], [("index.html", "Answers", [])]
@@ -141,24 +142,27 @@ def data_of(experiment: str, settings: Mapping) -> str:
     return f"Data: {data}. Models: {len(settings['models'])}."
 
 
-def stability_summary(workspace: Workspace, failures: pd.DataFrame) -> Markup:
-    """Return the section: of each experiment one heat map, of its last condition, and what it shows."""
+def stability_summary(failures: pd.DataFrame, said: pd.DataFrame) -> Markup:
+    """Return the section: of each experiment the sentences on its first tested condition, and its table.
+
+    failures, said: failures.csv and findings.csv of reports/stability.
+    """
     shown = []
-    for name, own in failures.groupby("experiment", sort=False):
-        ranked = {place: stability.ranking(rows) for place, rows in own.groupby(["protocol", "condition"], sort=False)}
-        places = [place for place, order in ranked.items() if len(order) and place[1] not in JOINED]
-        if not places:
+    for name in said["experiment"].unique():
+        place = protocol, condition = facts(name).first_tested
+        here, rows = ((each["experiment"] == name) & _at(each, *place) for each in (said, failures))
+        if not here.any():
             continue
-        protocol, condition = places[-1]
-        rows = own[(own["protocol"] == protocol) & (own["condition"] == condition)]
+        sentences = [each for each in said[here].iloc[0][FINDINGS[3:]] if isinstance(each, str) and each]
         title = f"{experiment_name(name)}: {condition_name(name, protocol, condition)}"
-        source = f"stability/{stability_file(name, protocol, condition)}_heat_map.png"
-        order, means = ranked[protocol, condition], rows.groupby("perturbation", sort=False)["relative"].mean()
-        words = {"best": model_name(order.index[0]), "least": order.iloc[0], "worst": model_name(order.index[-1])}
-        words |= {"most": order.iloc[-1], "hardest": perturbation(means.idxmax())[0], "tests": len(rows)}
-        words |= {"holds": sum(rows["verdict"] == stability.HOLDS), "useless": sum(rows["worse"])}
-        shown.append(words | {"title": title, "figure": figure(workspace, source, f"{title}, relative error")})
+        table = stability_table(failures[rows]) if failures[rows]["largest"].notna().any() else None
+        shown.append({"title": title, "sentences": sentences, "table": table})
     return fill("stability", parts=shown)
+
+
+def _at(table: pd.DataFrame, protocol: str, condition: str) -> pd.Series:
+    """Return which rows are of this protocol and condition, (n,) bool."""
+    return (table["protocol"] == protocol) & (table["condition"] == condition)
 
 
 def versions(workspace: Workspace) -> Table:

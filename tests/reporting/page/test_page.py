@@ -9,6 +9,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import axe_core_python
+import numpy as np
 import pandas as pd
 import pytest
 from builders.project import ROOT
@@ -101,15 +102,17 @@ def reports(workspace, monkeypatch) -> Path:
                 png(folder / name / "accuracy" / file)
     for name in ("stability", "physics", "benchmarks"):
         (folder / name).mkdir()
-    png(folder / "stability" / "touch_press_single_heat_map.png")
-    stress = rows(
-        FAILURES, experiment="touch", protocol="press", condition="single", perturbation="noise", model="lomp"
-    )
-    harder = stress.assign(perturbation="dead", relative=0.7, verdict="worse than constant", fails_at=0.2)
-    table = pd.concat([stress.assign(relative=0.5, verdict="holds"), harder])
-    table.to_csv(folder / "stability" / "failures.csv", index=False)
-    for name in ("stability", "physics"):
-        (folder / name / "README.md").write_text(f"# {name}\n\n![touch](touch_press_single_heat_map.png)\n")
+    png(folder / "stability" / "touch_press_double.png")
+    place = {"experiment": "touch", "protocol": "press", "condition": "double"}
+    lost = rows(FAILURES, **place, perturbation="noise", model="lomp", direction="up", half_at=0.25, half_low=0.2)
+    lost = lost.assign(unit="share of the range", half_high=np.inf, largest=0.3, clean=8.7)
+    kept = lost.assign(perturbation="dead", half_at=np.nan, half_low=np.nan, half_high=np.nan, unit="number", largest=6)
+    pd.concat([lost, kept]).to_csv(folder / "stability" / "failures.csv", index=False)
+    said = {"breaks": "Noise breaks first.", "holds": "Dead elements break nothing.", "take": "Take LoMP."}
+    other = place | {"condition": "single", "breaks": "Of another condition.", "holds": "", "take": ""}
+    pd.DataFrame([place | said, other]).to_csv(folder / "stability" / "findings.csv", index=False)
+    (folder / "stability" / "README.md").write_text("# stability\n\n![touch](touch_press_double.png)\n")
+    (folder / "physics" / "README.md").write_text("# physics\n\n![touch](touch_press_single_heat_map.png)\n")
     png(folder / "physics" / "touch_press_single_heat_map.png")
     (folder / "benchmarks" / "README.md").write_text(
         f"# Longer\n\n{EVIL}\n\n[all](touch.csv)\n\n| a | b |\n| - | -: |\n| LoMP | 1 |\n"
@@ -197,8 +200,13 @@ def test_the_pages_say_what_the_tables_say(workspace, reports):
     )
     assert "RMSE (kPa) 6.00 [5.50, 6.50]; 0.64 ms median" in single["words"]
     stability = html.split('<section id="stability">')[1].split("</section>")[0]
-    assert "LoMP has the smallest error" in stability and "0.60 of the constant model" in stability
-    assert "Of 2 tests, models stay usable to the last severity in 1" in " ".join(stability.split())
+    assert "Noise breaks first. Dead elements break nothing. Take LoMP." in stability
+    assert "Of another condition" not in stability
+    cells = [re.sub("<[^>]*>", "", cell) for cell in re.findall("<t[hd].*?</t[hd]>", stability)]
+    assert cells == [
+        *("Model", "Clean (kPa)", "Noise (share of the range)", "Dead elements (number)"),
+        *("LoMP", "8.70", "0.25 [0.2,\u00a0&gt; 0.3]", "&gt; 6"),
+    ]
     assert 'aria-label="simulated: 1 reproduced, 0 matches, 0 near, 0 contradicted, 1 off, 0 undecided"' in html
     row = re.search('<tr[^>]* id="claim-lomp-rmse".*?</tr>', html, re.DOTALL)[0]
     cells = [re.sub("<[^>]*>", "|", cell) for cell in re.findall("<td[^>]*>(.*?)</td>", row, re.DOTALL)]
