@@ -28,7 +28,7 @@ COUNTED = ("accuracy", "touches_found")  # shares of `n` answers
 
 def found(folder: Path) -> pd.DataFrame:
     """KEY, value and tolerance of every number that is pinned; folder: a project that has run."""
-    reports = folder / "reports"
+    reports = folder / "reports" / "look"
     scores = pd.read_csv(reports / "scores.csv").assign(table="scores")
     # Of a network that has hardly been trained, one image changes the precision of a class, and the last digits which
     # of many cells of the same height is the highest.

@@ -25,6 +25,7 @@ class Paper(NamedTuple):
     conditions: Mapping[str, str]  # of its table -> heading
     splits: Mapping[str, str]  # protocols of a condition -> in words; the paper's own first
     variants: Mapping[tuple[str, str], str] = {}  # (protocol, model) -> variant that stands for the model
+    epochs: int | None = None  # of its trainings; None where it prints no number
 
 
 class Twin(NamedTuple):
@@ -63,6 +64,7 @@ class Facts:
     first_tested: tuple[str, str]  # protocol and condition whose stability people read first
     tested: Mapping[tuple[str, str], str] = field(default_factory=dict)  # (protocol, condition) of stress, in words
     drawn: tuple[str, ...] = ()  # protocols whose predictions figures of the reports show
+    seeds: str = "starts"  # what each seed has another one of, in the plural
     sheet: str  # the function of pipeline/sheet/sources.py that makes its sensors for the data sheet
     pooled: tuple[str, ...] = ()  # name of all test windows of a run together
     # Of sensors that people record themselves.

@@ -47,6 +47,11 @@ class Workspace:
         origin = Path(os.environ.get("DVC_ROOT", root)).resolve()
         return (origin if root.is_relative_to(origin / ".dvc" / "tmp" / "exps") else root) / "mlruns"
 
+    @property
+    def look(self) -> Path:
+        """Return the folder of the same reports of what was computed here, which git ignores."""
+        return self.reports / "look"
+
     def experiment_folder(self, experiment: str) -> Path:
         """Return `data/<experiment>`, the folder of all that the stages of one experiment write."""
         return self.root / "data" / experiment

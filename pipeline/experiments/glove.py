@@ -28,6 +28,7 @@ FACTS = Facts(
     compared=("random_frames_combined", "session_combined"),
     first_tested=("session_combined", "combined"),
     drawn=("session_pressure", "session_strain", "session_combined"),
+    seeds="gloves",
     score="errors/combined.macro_precision",
     sheet="areas_of_glove",
     tested={
@@ -47,6 +48,7 @@ FACTS = Facts(
             "session_{condition}": "split by session",
         },
         variants={("random_frames_combined", "sp_resnet"): "epochs_50"},
+        epochs=50,
     ),
     twin=Twin("glove_recorded", "Glove: recorded grasps of a robot hand and those of the glove"),
     purpose={"line_faults": "ingest is there for torn, doubled, missing and swapped lines"},

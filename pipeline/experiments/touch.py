@@ -31,6 +31,7 @@ FACTS = Facts(
     score="main/double.rmse",
     first_tested=("press", "double"),
     drawn=("press",),
+    seeds="arrays",
     sheet="array",
     tested={
         ("press", "single"): "single touches",

@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -27,7 +28,7 @@ from pipeline.base import paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, labels, schemas, series, specimens
 from pipeline.experiments import glove
-from pipeline.scoring import classification
+from pipeline.scoring import classification, shards
 from pipeline.scoring.results import read_tested, read_windows
 
 FIRST = 0  # the seed that is drawn
@@ -84,6 +85,27 @@ def table(workspace: Workspace, experiment: str, settings: Mapping) -> pa.Table:
 def read(path: Path, experiment: str) -> pa.Table:
     """Return a table that `write` wrote of an experiment. Raises InputError for a damaged file or another one."""
     return schemas.having(schemas.read(path), none(experiment).column_names, path)
+
+
+def of_look(workspace: Workspace, experiment: str) -> pd.DataFrame:
+    """Return what the stage evaluate kept here."""
+    path = paths.require(workspace.kept(experiment), f"python -m pipeline.stages.evaluate {experiment}")
+    return read(path, experiment).to_pandas()
+
+
+def of_evidence(workspace: Workspace, experiment: str, budgets: Mapping[str, str]) -> pd.DataFrame:
+    """Return what the shards of an experiment keep; budgets: protocol -> the one that is shown of it.
+
+    Where several shards have the same model, or the truth, of one run, it is that of the first.
+    """
+    known, parts = set(), [none(experiment).to_pandas()]
+    for line, path in shards.checked(workspace, shards.kept_file, experiment):
+        rows = read(path, experiment).to_pandas()
+        for run, part in rows.groupby(["protocol", "seed", "model"], observed=True, sort=False):
+            if budgets.get(run[0]) == line["budget"] and run not in known:
+                known.add(run)
+                parts.append(part)
+    return pd.concat(parts, ignore_index=True)
 
 
 def none(experiment: str) -> pa.Table:

@@ -1,5 +1,7 @@
 """Read the one table of results: scores, times, counts and studies, one row for each number of a seed.
 
+There are two of them: that of the evidence, which people read, and that of what `dvc repro` computed here, the look.
+
 A row says what was measured (experiment, protocol, condition, model, variant, metric), of which seed, with which budget
 of training, and the value, NaN for a failed run. A row without a protocol, a seed or a budget is of all of them. What
 `dvc repro` trains is of the budget `look`, the committed shards of the evidence are of `half` and `full`.
@@ -11,10 +13,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards, units
-from pipeline.scoring.claim_inputs import COLUMNS, FULL, HALF, KEY, LOOK
+from pipeline.scoring import shards, times, units
+from pipeline.scoring.claim_inputs import COLUMNS, DERIVED_METRICS, FULL, HALF, KEY, LOOK
 from pipeline.scoring.published import ANY
 from pipeline.scoring.results import Estimate, estimate, read_csv, scale_of
 from pipeline.scoring.strain_results import LATENT
@@ -105,12 +108,6 @@ class Results:
         return self.table[chosen]
 
 
-def of_reports(folder: Path) -> dict[str, Path]:
-    """Return the files of results in a folder of reports, which are of all experiments."""
-    names = ("scores", "latency", "counts", "claim_inputs")
-    return {name: folder / f"{name}.csv" for name in names} | {"drift": folder / "strain" / "accuracy" / "drift.csv"}
-
-
 def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path | list[Path]]:
     """Return the files of results that the stages of one experiment write, and of the glove the counts."""
     files = {"scores": workspace.scores(experiment), "latency": workspace.latency(experiment)}
@@ -125,22 +122,32 @@ def of_own_logs(values: Mapping) -> list[str]:
     return [name for name in values["experiments"] if values[name].get("source", SIMULATED) != SIMULATED]
 
 
-def results(workspace: Workspace, own: Collection[str], experiment: str = "") -> Results:
-    """Return all results: those in reports/, or that the stages of one experiment wrote, and the evidence.
+def of_look(workspace: Workspace, experiment: str, own: bool = False) -> Results:
+    """Return what the stages of one experiment computed here; own: of own logs, where the look is all that there is."""
+    table = read(of_experiment(workspace, experiment))
+    budget = table["budget"].where(table["budget"] != LOOK, FULL) if own else table["budget"]
+    return Results(table.assign(budget=budget))
 
-    own: see `of_own_logs`; their trainings are no look at anything, but all that there is.
+
+def results(workspace: Workspace, own: Collection[str], experiment: str = "") -> Results:
+    """Return the evidence, of all experiments or of one, with what was timed for it and counted.
+
+    own: see `of_own_logs`; the evidence has nothing of them.
     """
-    table = read(of_experiment(workspace, experiment) if experiment else of_reports(workspace.reports))
-    table["budget"] = table["budget"].where(~table["experiment"].isin(own) | (table["budget"] != LOOK), FULL)
     kept = shards.read(workspace)
-    wanted = ~kept["experiment"].isin(own) & ((kept["experiment"] == experiment) | (experiment == ""))
-    return Results(pd.concat([table, kept[wanted].assign(**{WHOLE: False})], ignore_index=True))
+    timed = [_times(times.predictions(workspace, name)) for name in experiments.NAMES]
+    derived = kept["metric"].isin(DERIVED_METRICS) | kept["metric"].str.endswith(units.SUFFIX)
+    kept = kept.assign(**{WHOLE: ~derived & kept["variant"].fillna("").eq("")})
+    further = read({"counts": workspace.reports / "counts.csv", "drift": workspace.study("strain", "drift")})
+    table = pd.concat([further, *timed, kept], ignore_index=True)
+    table = table[~table["experiment"].isin(own) & ((table["experiment"] == experiment) | (experiment == ""))]
+    return Results(table.fillna({WHOLE: False}).astype({WHOLE: bool}))
 
 
 def read(files: Mapping[str, Path | list[Path]]) -> pd.DataFrame:
     """Return the results in files, columns COLUMNS of claim_inputs and WHOLE; a file that is missing has no rows.
 
-    files: see `of_reports`. Raises InputError for a file without the columns that are read.
+    files: see `of_experiment`. Raises InputError for a file without the columns that are read.
     """
     parts = [(name, path) for name, at in files.items() for path in ([at] if isinstance(at, Path) else at)]
     tables = [TABLES[name](path) for name, path in parts if path.exists()] or [pd.DataFrame(columns=COLUMNS)]
@@ -157,9 +164,8 @@ def _scores(path: Path) -> pd.DataFrame:
     return table.assign(value=table["value"].where(~lost), budget=LOOK, **{WHOLE: True})
 
 
-def _times(path: Path) -> pd.DataFrame:
-    """Return the median times of latency.csv at the first batch size."""
-    table = read_csv(path, ["experiment", "model", "batch", "p50_ms"], MADE_BY)
+def _times(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the median times at the first batch size; table: latency.csv, or of `times.predictions`."""
     first = table[table["batch"] == table.groupby("experiment")["batch"].transform("min")]
     return first[["experiment", "model"]].assign(condition=ANY, metric="p50_ms", unit="ms", value=first["p50_ms"])
 
@@ -183,7 +189,7 @@ def _drift(path: Path) -> pd.DataFrame:
 
 TABLES: dict[str, Callable[[Path], pd.DataFrame]] = {
     "scores": _scores,
-    "latency": _times,
+    "latency": lambda path: _times(read_csv(path, ["experiment", "model", "batch", "p50_ms"], MADE_BY)),
     "counts": _counts,
     "claim_inputs": lambda path: read_csv(path, COLUMNS, MADE_BY),
     "drift": _drift,

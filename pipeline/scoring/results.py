@@ -1,8 +1,7 @@
 """Read scores, fits, times and predictions for the reports. A missing file or row is an error, no gap.
 
-But where this machine has no recordings, the committed results on them are kept. A stage that writes a table of several
-experiments takes their rows from the file that it replaces: its output has `persist` in dvc.yaml, so that DVC leaves
-the file until then.
+But where this machine has no recordings, the recorded side of the twins is kept: its stage takes the rows from the
+file that it replaces, an output that has `persist` in dvc.yaml, so that DVC leaves the file until then.
 """
 
 import io
@@ -238,23 +237,15 @@ def read_tested(
     return schemas.matrix(table["prediction"])[order]
 
 
-def kept_rows(path: Path, experiments: Collection[str], text: bool = False) -> pd.DataFrame:
-    """Return the rows of a table that are of these experiments, and say so; none where there is no such file.
-
-    Numbers are read to the last digit; text: everything is left as text.
-    """
+def kept_rows(path: Path, experiments: Collection[str]) -> pd.DataFrame:
+    """Return the rows of a committed table that are of these experiments, and say so; none where there is no file."""
     if not path.is_file():
         return pd.DataFrame(columns=["experiment"])
-    how = {"dtype": str, "keep_default_na": False} if text else {}
     with foreign.reading(path, "a CSV table", "get it again from git, or delete it"):
-        table = pd.read_csv(path, **how)
+        table = pd.read_csv(path)
         table["experiment"]  # KeyError where it is another table
     rows = table[table["experiment"].isin(experiments)]
     if len(rows):
-        say_kept(path.name, rows["experiment"].unique())
+        names = ", ".join(rows["experiment"].unique())
+        print(f"{path.name}: kept from the committed results: {names}; `tactile fetch` gets the recordings")
     return rows
-
-
-def say_kept(place: str, names: Collection[str]) -> None:
-    """Print which results in a file or folder are not of this machine."""
-    print(f"{place}: kept from the committed results: {', '.join(names)}; `tactile fetch` gets the recordings")

@@ -31,6 +31,7 @@ STRESS = [*COLUMNS, "perturbation", "severity"]
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
 INDEX += ["kept_sha256"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
+CARD = ", "  # in a machine's name: that of its card, or another torch, comes after the processor's
 SHARD = "shard"  # column of those tables, and of the rows of `read`
 STUDY = "study"  # in the column `protocol` of index.csv, for a study
 NUMBERS = {"seed": int, "epochs": float, "core_s": float, "train_s": float}  # columns of both
@@ -132,13 +133,17 @@ def kept_sha256(workspace: Workspace, shard: str) -> str:
     return digest(there) if there else ""
 
 
-def checked(workspace: Workspace, file: Callable[[Workspace, str], Path]) -> Iterator[tuple[pd.Series, Path]]:
+def checked(
+    workspace: Workspace, file: Callable[[Workspace, str], Path], experiment: str = ""
+) -> Iterator[tuple[pd.Series, Path]]:
     """Yield (line of the index, file) of the shards that have one; file: `kept_file` or `stress_file`.
 
-    Raises InputError where it is not as indexed.
+    experiment: the only one that is asked for, or every one. Raises InputError where a file is not as indexed.
     """
     index = folder(workspace) / "index.csv"
     for _, row in table(index, INDEX).iterrows():
+        if experiment not in ("", row["experiment"]):
+            continue
         path = file(workspace, row["shard"])
         if kept_sha256(workspace, row["shard"]) != row["kept_sha256"]:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row['shard']}` again")
@@ -188,14 +193,15 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 
 
 def read(workspace: Workspace) -> pd.DataFrame:
-    """Return the rows of all committed shards; of metric `train_s` the seconds of each training, on a core or a card.
+    """Return the rows of all committed shards; of metric `train_s` the seconds of trainings.
 
-    The last column, `shard`, names the shard that a row is of. None where there are none. Raises InputError where a
-    file is not as indexed.
+    The last column, `shard`, names the shard that a row is of. The times are of one machine for each experiment and
+    protocol, see `timed_on`. None where there are none. Raises InputError where a file is not as indexed.
     """
     tables = [pd.DataFrame(columns=[*COLUMNS, SHARD, "of"])]
-    index, times = folder(workspace) / "index.csv", table(folder(workspace) / "times.csv", TIMES)
-    of_shard = dict(list(times.astype({"seed": int, "train_s": float}).groupby("shard")))
+    index, times = folder(workspace) / "index.csv", trainings(workspace)
+    splits = [runs[runs["machine"] == timed_on(runs)] for _, runs in times.groupby(["experiment", "protocol"])]
+    of_shard = dict(list(pd.concat([times[:0], *splits]).sort_index().groupby("shard")))
     for row in table(index, INDEX).itertuples():
         if row.protocol == STUDY:
             continue
@@ -205,8 +211,26 @@ def read(workspace: Workspace) -> pd.DataFrame:
         rows = read_csv(path, COLUMNS, MADE_BY)
         tables.append(rows[COLUMNS].assign(**{SHARD: row.shard, "of": int(row.seed or 0)}))
         if row.shard in of_shard:
-            tables.append(_training_times(of_shard[row.shard], rows, row.budget))
+            tables.append(_training_times(of_shard[row.shard], rows))
     return _once(pd.concat(tables, ignore_index=True))
+
+
+def trainings(workspace: Workspace) -> pd.DataFrame:
+    """Return times.csv with experiment, budget and machine of each training's shard; no row where there is none."""
+    index = table(folder(workspace) / "index.csv", INDEX)[["shard", "experiment", "budget", "machine"]]
+    times = table(folder(workspace) / "times.csv", TIMES).merge(index, on="shard")
+    return times.astype({"seed": int, "epochs": float, "train_s": float})
+
+
+def timed_on(runs: pd.DataFrame) -> str:
+    """Return the machine that made the most full trainings, of two that made as many the one without a card.
+
+    Where none is full, that of the most trainings; seconds of two machines are no two values of one time. runs: of
+    `trainings`; empty where there are none.
+    """
+    full = runs[runs["budget"] == FULL]
+    made = (full if len(full) else runs)["machine"].value_counts()
+    return min(made.index, key=lambda name: (-made[name], CARD in name, name), default="")
 
 
 def stress(workspace: Workspace) -> pd.DataFrame:
@@ -232,9 +256,9 @@ def _once(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[~rows.assign(value=[float(f"{value:.9g}") for value in rows["value"]]).duplicated(COLUMNS)]
 
 
-def _training_times(times: pd.DataFrame, rows: pd.DataFrame, budget: str) -> pd.DataFrame:
-    """Return the lines of times.csv of one shard as rows of the one table; rows: those of its results."""
+def _training_times(times: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the trainings of one shard as rows of the one table; rows: those of its results."""
     variants = rows.drop_duplicates("model").set_index("model")["variant"]
-    place = {"experiment": rows["experiment"].iloc[0], "condition": times["protocol"], "budget": budget}
+    place = {"condition": times["protocol"]}
     place |= {"variant": times["model"].map(variants), "metric": "train_s", "unit": "s", "value": times["train_s"]}
     return times.assign(**place).reindex(columns=[*COLUMNS, SHARD])

@@ -58,8 +58,12 @@ def settings_of(workspace: Workspace, each: ShardSet, target: Workspace, further
 
 
 def further_of(shard: Shard, each: ShardSet) -> dict:
-    """Return the dotted settings in which a shard differs from its set: one seed, and a share of every training."""
-    budget = {f"{each.experiment}.budget": SHARES[shard.budget]}
+    """Return the dotted settings in which a shard differs from its set: one seed, and a share of every training.
+
+    A set that names the share itself keeps it.
+    """
+    name = f"{each.experiment}.budget"
+    budget = {name: each.set.get(name, SHARES[shard.budget])}
     return budget | {f"{each.experiment}.protocols.{name}.seeds": [shard.seed] for name in each.protocols}
 
 

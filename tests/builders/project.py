@@ -164,9 +164,9 @@ def copy_code(folder: Path) -> None:
 # Two halves of the pipeline that share no stage but that of SHARED: run side by side, they take half as long.
 SHARED = ("ingest_recorded@velostat_recorded", "count")  # of seconds
 HALVES = (
-    ["claim_inputs@touch", "latency@touch", "render_recorded@velostat_recorded", "render_recorded@strain_recorded"]
+    ["claim_inputs@touch", "latency@touch", "latency@velostat_recorded", "latency@strain_recorded"]
     + ["stress@touch", "stress@velostat_recorded", "stress@strain_recorded"],
-    ["claim_inputs@strain", "claim_inputs@glove", "latency@strain", "latency@glove", "render_recorded@glove_recorded"]
+    ["claim_inputs@strain", "claim_inputs@glove", "latency@strain", "latency@glove", "latency@glove_recorded", "probe"]
     + ["stress@strain", "stress@glove", "stress@glove_recorded"],
 )
 

@@ -274,7 +274,6 @@ ANEW = {
 NOT_ANEW = {  # with the reason
     "*.png": "pictures: what they show are the tables, and libraries draw them by other bytes",
     "scores.csv": "trained: hours; tests/miniature.csv pins the same code at small scale",
-    "claim_inputs.csv": "of trained models: hours",
     "latency.csv": "measured on one machine",
     "benchmarks.csv": "measured on one machine",
     "growth.csv": "measured on one machine",

@@ -13,7 +13,6 @@ import yaml
 from markupsafe import Markup
 
 from pipeline.base import files, paths
-from pipeline.base.availability import has_report, why_not_run, why_not_shown
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, stability
@@ -37,6 +36,7 @@ PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "mat
 # Folders of reports/ that the appendix shows, after those of experiments.
 CHAPTERS = {"stability": "Stability", "rightsize": "Model size", "physics": "Physics", "twins": "Scenes and recordings"}
 CHAPTERS |= {"material": "Recorded material", "benchmarks": "Benchmarks"}
+OF_OWN_LOGS = "its logs are your own, of which there is no evidence; their report is in reports/look"
 CAPTIONED = re.compile(r"^(?:- |!)\[[^\]]*\]\(([^)\s]+)\.png\):? *(.*)\n", re.MULTILINE)
 
 
@@ -49,12 +49,13 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     """
     content = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
     judged = claims.read(workspace)
-    shown = {name: why_not_shown(workspace, name) for name in values["experiments"]}
+    own = one_table.of_own_logs(values)
+    shown = {name: OF_OWN_LOGS if name in own else "" for name in values["experiments"]}
     data = {name: data_of(name, block) for name, block in values.items() if name in shown}
     speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
     failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
     said = read_csv(workspace.reports / "stability" / "findings.csv", FINDINGS, "dvc repro")
-    results = one_table.results(workspace, one_table.of_own_logs(values))
+    results = one_table.results(workspace, own)
     found = answers.answers(workspace, judged, results, content, values)
     ratios.chart(workspace.reports / answers.CHART, {one.heading: one.points for one in found}, BAND)
     answers.write_readme(workspace, found)
@@ -131,15 +132,14 @@ def documents(workspace: Workspace, name: str, level: int) -> dict:
 
 
 def data_of(experiment: str, settings: Mapping) -> str:
-    """Say where an experiment's numbers come from, and how often the look draws them."""
+    """Say where an experiment's numbers come from."""
     source = settings.get("source")
     if source is None:
         where = facts(experiment).source
         data = f"recorded, {where.repository} at commit {where.commit[:12]}, licence: {where.licence}"
     else:
         data = f"simulated by pipeline/scenes/{experiment}.py" if source == "simulated" else f"your own logs, {source}"
-    seeds = "; ".join(f"{plain(name)} {len(block['seeds'])}" for name, block in settings["protocols"].items())
-    return f"Data: {data}. Models: {len(settings['models'])}. Seeds of each split in the look: {seeds}."
+    return f"Data: {data}. Models: {len(settings['models'])}."
 
 
 def stability_summary(failures: pd.DataFrame, said: pd.DataFrame) -> Markup:
@@ -178,18 +178,17 @@ def versions(workspace: Workspace) -> Table:
 
 def provenance(workspace: Workspace, data: Mapping[str, str]) -> Markup:
     """Return the section: scale, data, seeds, versions, counts, and the files behind the page; data: by experiment."""
-    scores = read_csv(workspace.reports / "scores.csv", ["experiment", "protocol", "condition", "n"], "dvc repro")
+    columns = ["experiment", "condition", "metric", "n"]
+    scores = read_csv(workspace.reports / "scores.csv", columns, "python -m pipeline.stages.collect")
     rows = []
     for experiment, said in data.items():
-        tested = scores[scores["experiment"] == experiment].groupby("condition", sort=False)["n"].max()
-        items = ", ".join(f"{plain(condition)}: {n:,}" for condition, n in tested.items()) or "-"
-        reason = why_not_run(workspace, experiment)
-        run = f"no: {reason}" if reason else "yes"
-        run += "; its results are the committed ones" if reason and has_report(workspace, experiment) else ""
-        rows.append([experiment_name(experiment), said, run, items])
+        own = scores[(scores["experiment"] == experiment) & (scores["metric"] == facts(experiment).metric)]
+        tested = own.groupby("condition", sort=False)["n"].max()
+        items = ", ".join(f"{plain(condition)}: {n:,.0f}" for condition, n in tested.items()) or "-"
+        rows.append([experiment_name(experiment), said, items])
     return fill(
         "provenance",
-        data=Table(["Experiment", "Data and seeds", "Run", "Most items tested"], rows),
+        data=Table(["Experiment", "Data", "Most items tested"], rows),
         versions=versions(workspace),
         files=NUMBERS,
     )
