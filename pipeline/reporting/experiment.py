@@ -16,7 +16,6 @@ from pipeline.reporting.figures import common
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.report import BUDGETS, Report
 from pipeline.reporting.words.labels import experiment_name
-from pipeline.scoring import results
 from pipeline.scoring.published import PRINTED
 
 

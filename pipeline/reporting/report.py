@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files
+from pipeline.base import files, paths
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
 from pipeline.reporting import differences

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from pipeline.base import files, foreign, params, paths, processes
@@ -202,7 +203,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
     index, times = folder(workspace) / "index.csv", trainings(workspace)
     main = {split: timed_on(runs) for split, runs in times.groupby(["experiment", "protocol"])}
     places = zip(times["experiment"], times["protocol"], times["machine"], strict=True)
-    times = times[[main[experiment, protocol] == machine for experiment, protocol, machine in places]]
+    times = times[np.array([main[experiment, split] == machine for experiment, split, machine in places], dtype=bool)]
     of_shard = dict(list(times.groupby("shard")))
     for row in table(index, INDEX).itertuples():
         if row.protocol == STUDY:
