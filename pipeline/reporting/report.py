@@ -83,6 +83,8 @@ class Report:
     def basis(self, protocol: str) -> str:
         """Return how many runs the numbers of a protocol are of, and at which budget, with the epochs of its set."""
         budget = self.results.shown(self.experiment, protocol)
+        if budget == LOOK and not self.of_look:
+            return "not computed"
         rows = self.results.rows(experiment=self.experiment, protocol=protocol)
         runs = rows[(rows["seed"] >= 0) & (rows["budget"] == budget)]["seed"].nunique()
         said = "1 run" if runs == 1 else f"{runs} runs"

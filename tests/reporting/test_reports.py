@@ -343,6 +343,18 @@ def test_what_no_shard_has_kept_is_said_and_not_drawn(workspace, made, unplotted
         made_reports.rendered(workspace, experiment, settings, monkeypatch, "look")
 
 
+@pytest.mark.parametrize("experiment", made_reports.DATA)
+def test_without_evidence_a_report_shows_nothing_of_the_look(workspace, made, unplotted, monkeypatch, experiment):
+    settings = made(experiment)
+    (shards.folder(workspace) / "index.csv").unlink()
+    shutil.rmtree(shards.folder(workspace) / "studies", ignore_errors=True)
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    text = (target / "accuracy" / "README.md").read_text()
+    assert "not computed" in text and not re.search(NEVER, text) and "look of this machine" not in text
+    of_scene = {"figure2b.png", "figure7.png", "figure9.png"}
+    assert {path.name for path in (target / "accuracy").glob("*.png")} <= of_scene
+
+
 def test_captions_say_budget_seeds_and_split(workspace, made):
     settings = made("touch")
     report = Report(workspace, "touch", settings)
