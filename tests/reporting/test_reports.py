@@ -164,25 +164,29 @@ def test_figures_are_drawn(workspace, monkeypatch, experiment):
 @pytest.mark.slow
 def test_reports_repeat_byte_for_byte_and_measured_times_are_in_speed_alone(workspace, made, monkeypatch):
     settings = made("velostat_recorded")
-    (workspace.reports / "velostat_recorded").mkdir(parents=True)
-    (workspace.reports / "velostat_recorded" / "stale.md").write_text("of a model that was removed")
-    target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch)
+    (workspace.look / "velostat_recorded").mkdir(parents=True)
+    (workspace.look / "velostat_recorded" / "stale.md").write_text("of a model that was removed")
+    target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch, "look")
     first = {path.relative_to(target).as_posix(): path.read_bytes() for path in target.rglob("*.*")}
     assert "stale.md" not in first
     latency = pd.read_csv(workspace.latency("velostat_recorded"))
     latency[["p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms"]] *= 1.5
     latency.to_csv(workspace.latency("velostat_recorded"), index=False)
-    made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch)
+    made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch, "look")
     assert {name for name in first if (target / name).read_bytes() != first[name]} == SPEED - {"speed/training.png"}
 
 
 @pytest.mark.parametrize("experiment", ["touch", "strain", "glove"])
 def test_words_and_tables_of_accuracy_have_no_measured_time(workspace, made, shown, unplotted, monkeypatch, experiment):
-    settings = made(experiment)
-    latency = pd.read_csv(workspace.latency(experiment))
+    settings, timed = made(experiment), shards.study_file(workspace, experiment, "latency", 0)
+    latency = pd.read_csv(timed)
     latency[["p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms"]] *= 1.5
-    latency.to_csv(workspace.latency(experiment), index=False)
+    latency.to_csv(timed, index=False)
+    index, name = shards.folder(workspace) / "index.csv", f"latency_{experiment}-0-full"
+    (line,) = shards.table(index, shards.INDEX).query("shard == @name").to_dict("records")
+    shards.upsert(index, shards.INDEX, name, [line | {"sha256": shards.digest([timed])}])
     target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    assert (target / "speed" / "table2.csv").read_bytes() != (shown(experiment) / "speed" / "table2.csv").read_bytes()
     slower, usual = (
         {path.name: path.read_bytes() for path in (at / "accuracy").iterdir()} for at in (target, shown(experiment))
     )
