@@ -9,7 +9,32 @@ from pipeline.settings.shared import Block, Count, CountOrNone, Fraction, Positi
 LearningRate = Annotated[float, Field(ge=1e-9, le=10)]
 
 
-class ScheduledTraining(Block):
+class Faults(Block):
+    """What goes wrong with the readings that a network is trained on, see learning/faults.py.
+
+    Each window, stretch of a series, press of a stream or image of a batch has faults of its own.
+    """
+
+    dead: Fraction = Field(description="Probability that an element is dead, so their mean share")
+    gain: Annotated[float, Field(ge=0, le=3)] = Field(description="Spread of log gain between elements")
+    offset: Fraction = Field(description="Spread of offsets between elements, share of the range")
+
+    @model_validator(mode="after")
+    def _is_a_fault(self) -> "Faults":
+        if not (self.dead or self.gain or self.offset):
+            raise ValueError("dead, gain and offset are all 0; give one of them, or leave the block out")
+        return self
+
+
+class Faultable(Block):
+    """A training that can be one with faults."""
+
+    faults: Faults = Field(
+        default=None, description="Faults drawn anew in every batch; without this key, readings are as they are"
+    )
+
+
+class ScheduledTraining(Faultable):
     """A set number of epochs over which the learning rate rises and falls to zero, see `training.Schedule`.
 
     What comes out of products in bfloat16 is bfloat16, too; weights, the optimiser's sums and all predictions are
@@ -39,7 +64,7 @@ class AugmentedTraining(ScheduledTraining):
     affine: Fraction = Field(description="Probability that an image is shifted, turned and stretched (method C)")
 
 
-class SequenceTraining(Block):
+class SequenceTraining(Faultable):
     """Training as in the latent-space paper (its authors' script): Adam on the whole series as one sequence."""
 
     learning_rate: LearningRate = Field(description="Learning rate of Adam at the start")
@@ -54,7 +79,7 @@ class SequenceTraining(Block):
     batch: Count = Field(description="Pieces, drawn anew in every epoch, that an update sees side by side")
 
 
-class StretchTraining(Block):
+class StretchTraining(Faultable):
     """Training with Adam on random stretches of a series, each from a zero state.
 
     The learning rate rises and falls over the epochs (one cycle, Smith 2018). An epoch is as many stretches as cover

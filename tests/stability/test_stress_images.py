@@ -18,6 +18,7 @@ from pipeline.scenes import glove_stress
 from pipeline.stability import images as stress_images
 from pipeline.stability import loop
 from pipeline.stages import dataset, evaluate, ingest, simulate, train
+from pipeline.tasks import images as tasks_images
 
 MODELS = {"constant": {}, "naive_bayes": {"smoothing": 1e-3}}
 
@@ -117,15 +118,15 @@ def test_lost_frames_come_from_the_same_recording(workspace, project):
 
 
 def test_the_recorded_hand_has_six_matrices_and_joints_without_lines():
-    assert stress_images.device(glove_recorded, "pressure") == (0, 4095, glove_recorded.MATRICES)
-    assert stress_images.device(glove_recorded, "strain") == (-180.0, 180.0, ())
-    assert stress_images.device(glove, "strain") == (0, 1023, ((15, 9),))
+    assert tasks_images.device(glove_recorded, "pressure") == (0, 4095, glove_recorded.MATRICES)
+    assert tasks_images.device(glove_recorded, "strain") == (-180.0, 180.0, ())
+    assert tasks_images.device(glove, "strain") == (0, 1023, ((15, 9),))
     pressure, joints = np.full((3, glove_recorded.CELLS), 100.0), np.full((3, glove_recorded.JOINTS), 10.0)
     areas = {
         name: stress_images.Area(own, np.full(own.shape[1], True), 10.0, np.zeros(own.shape[1]), *device)
         for (name, own), device in zip(
             {"pressure": pressure, "strain": joints}.items(),
-            [stress_images.device(glove_recorded, name) for name in stress_images.AREAS],
+            [tasks_images.device(glove_recorded, name) for name in stress_images.AREAS],
             strict=True,
         )
     }
