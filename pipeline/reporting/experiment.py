@@ -46,6 +46,9 @@ def write_speed(
 ) -> None:
     """Write the folder `speed`; panels, measure: see `speed.speed_table`; note, end: more text of table2.md."""
     folder, name = target / "speed", experiment_name(report.experiment)
+    if not panels:
+        files.write_text(folder / "table2.md", "# Speed against accuracy\n\nNothing of it was computed.\n")
+        return
     table = speed_report.speed_table(report, settings, speed_report.timed(report, settings), panels, measure)
     files.write_table(folder / "table2.csv", table)
     files.write_text(folder / "table2.md", speed_report.speed_text(table, note) + end)

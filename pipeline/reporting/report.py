@@ -83,6 +83,8 @@ class Report:
     def basis(self, protocol: str) -> str:
         """Return how many runs the numbers of a protocol are of, and at which budget, with the epochs of its set."""
         budget = self.results.shown(self.experiment, protocol)
+        if budget == LOOK and not self.of_look:
+            return "not computed"
         rows = self.results.rows(experiment=self.experiment, protocol=protocol)
         runs = rows[(rows["seed"] >= 0) & (rows["budget"] == budget)]["seed"].nunique()
         said = "1 run" if runs == 1 else f"{runs} runs"
@@ -116,16 +118,17 @@ class Report:
         return self.kept[self.kept["protocol"] == protocol]
 
     def undrawn(self) -> str:
-        """Say which command computes the predictions that figures show, where no shard has kept them; else nothing."""
-        asked = [name for name in facts(self.experiment).drawn if name in self.protocols and name in self._sets]
-        lost = [protocol for protocol in asked if self.drawn(protocol).empty]
-        names = [name for name, each in self._of_tables.items() if set(lost) & set(each.protocols)]
+        """Say which command computes the predictions that figures show, where shards have not kept them; or nothing."""
+        index, lost = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX), []
+        for name, each in self._of_tables.items():
+            for protocol in set(each.protocols) & set(facts(self.experiment).drawn):
+                shard = shards.Shard(name, kept.FIRST, self.results.shown(self.experiment, protocol)).name
+                if shard in set(index["shard"]) and not shards.kept_file(self.workspace, shard).exists():
+                    lost.append(name)
         if self.of_look or not lost:
             return ""
-        command = f"{shards.MADE_BY} {' '.join(names)}"
-        return (
-            f"No shard has kept predictions of {', '.join(map(plain, lost))}: `{command}` computes what figures show."
-        )
+        names = " ".join(dict.fromkeys(lost))
+        return f"Some shards have kept no predictions: `{shards.MADE_BY} {names}` computes those that figures show."
 
     def caption(self, protocol: str, together: int = 0) -> str:
         """Return what a figure's predictions are of: budget, seeds, split; together: so many seeds, not the first."""

@@ -132,7 +132,7 @@ def errors_beyond(results: Results, models: Iterable[str], settings: Mapping) ->
     (equation 6 of the scene) in the test part from its range before the test part, as a share of that range.
     """
     columns = {model: results.runs("strain", "task_1", "task_1", model, "error") for model in models}
-    table, scene = pd.DataFrame(columns), settings["simulate"]
+    table, scene = pd.DataFrame(columns).assign(beyond=np.nan), settings["simulate"]
     for seed in table.index:
         finger = scene | {"specimen": scene["specimen"] + seed}
         _, drift = drift_at_samples("task_1", f"run{seed:03d}", finger, settings["sensor"]["channels"])

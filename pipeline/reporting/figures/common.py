@@ -235,8 +235,7 @@ def maps(
     size = {"figsize": (2.2 * len(windows) + 1.2, 2.35 * len(sources) + 0.6)}
     figure, axes = plt.subplots(len(sources), len(windows), squeeze=False, sharex=True, sharey=True, **size)
     for row, (name, source) in zip(axes, sources.items(), strict=True):
-        for window, (ax, kind) in enumerate(zip(row, windows, strict=True)):
-            label, values = truth[window], source[window].astype(float)
+        for ax, kind, values, label in zip(row, windows, source.astype(float), truth, strict=True):
             top = values.max() if name == "Reading" else label.max()
             share = values / max(top, np.finfo(float).tiny)
             image = ax.imshow(share, origin="lower", extent=extent, vmin=0, vmax=1, cmap="viridis")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 from builders import kept_scores, made_reports
 from builders.project import ROOT
@@ -92,6 +93,26 @@ def test_only_the_first_seed_and_drawn_protocols_have_more_than_counts(made):
               if name not in experiments.facts(experiment).drawn}  # fmt: skip
     rows = kept.table(workspace, experiment, settings | {"protocols": others})
     assert bool(rows.num_rows) == (images and bool(others))
+
+
+def test_shards_of_the_budget_that_is_shown_are_drawn_and_of_one_run_the_first(tmp_path):
+    workspace, written = Workspace(tmp_path), {}
+    for shard, protocol, model, number in (
+        ("a-0-half", "task_1", "esn", 1), ("a-0-full", "task_1", "esn", 2), ("b-0-full", "task_1", "esn", 3),
+        ("b-0-full", "task_1", "ridge", 4), ("a-0-half", "task_2", "esn", 5), ("c-0-full", "task_2", "esn", 6),
+    ):  # fmt: skip
+        row = {"protocol": protocol, "seed": 0, "model": model, "window": number}
+        written.setdefault(shard, []).append(row)
+    for shard, rows in written.items():
+        path = shards.kept_file(workspace, shard)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        kept.write(path, pa.Table.from_pylist(rows, kept.none("strain").schema))
+        line = dict.fromkeys(shards.INDEX, "") | {"shard": shard, "experiment": "strain", "budget": shard[4:]}
+        line |= {"kept_sha256": shards.kept_sha256(workspace, shard)}
+        shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, shard, [line])
+    found = kept.of_evidence(workspace, "strain", {"task_1": "full", "task_2": "half"})
+    assert sorted(found["window"]) == [2, 4, 5]
+    assert kept.of_evidence(workspace, "glove", {"task_1": "full"}).empty
 
 
 COMMITTED = sorted(path.stem for path in (ROOT / "evidence" / "kept").glob("*.parquet"))
