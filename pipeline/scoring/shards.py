@@ -195,20 +195,26 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 def read(workspace: Workspace) -> pd.DataFrame:
     """Return the rows of all committed shards; of metric `train_s` the seconds of trainings.
 
-    The last column, `shard`, names the shard that a row is of. The times are of one machine for each experiment and
-    protocol, see `timed_on`. None where there are none. Raises InputError where a file is not as indexed.
+    The last column, `shard`, names the shard that a row is of. What no epochs change is in the shard of a seed at `full`
+    and in that at `half`, which another machine may have computed: the former counts. The times are of one machine for
+    each experiment and protocol, see `timed_on`. None where there are none. Raises InputError where a file is not as
+    indexed.
     """
     tables = [pd.DataFrame(columns=[*COLUMNS, SHARD, "of"])]
     index, times = folder(workspace) / "index.csv", trainings(workspace)
     splits = [runs[runs["machine"] == timed_on(runs)] for _, runs in times.groupby(["experiment", "protocol"])]
     of_shard = dict(list(pd.concat([times[:0], *splits]).sort_index().groupby("shard")))
-    for row in table(index, INDEX).itertuples():
+    lines = table(index, INDEX)
+    whole = set(lines["shard"])
+    for row in lines.itertuples():
         if row.protocol == STUDY:
             continue
         path = paths.require(result_file(workspace, row.shard), MADE_BY)
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
         rows = read_csv(path, COLUMNS, MADE_BY)
+        if row.budget == HALF and f"{row.shard.removesuffix(HALF)}{FULL}" in whole:
+            rows = rows[rows["budget"].notna()]
         tables.append(rows[COLUMNS].assign(**{SHARD: row.shard, "of": int(row.seed or 0)}))
         if row.shard in of_shard:
             tables.append(_training_times(of_shard[row.shard], rows))

@@ -228,6 +228,25 @@ def test_last_digits_of_another_machine_make_no_second_result_nor_does_a_set_tha
         assert shards.read(workspace)["value"].tolist() == known  # two that differ are refused where they are used
 
 
+@pytest.mark.parametrize("budgets", [("half", "full"), ("half",)])
+def test_what_no_epochs_change_is_that_of_the_full_shard_of_a_seed(tmp_path, budgets):
+    """Another machine had other digits from the fifth on; where there is no such shard, half of it is what is known."""
+    workspace = Workspace(tmp_path)
+    for budget, linear in zip(budgets, (9.3526, 9.3563), strict=False):
+        rows = [
+            ("touch", "press", "single", "linear", "", "rmse", 0, "", "kPa", linear, 1),
+            ("touch", "press", "single", "cnn", "", "rmse", 0, budget, "kPa", 5.0, 1),
+        ]
+        path = shards.result_file(workspace, f"a-0-{budget}")
+        files.write_table(path, pd.DataFrame(rows, columns=shards.COLUMNS))
+        line = dict.fromkeys(shards.INDEX, "") | {"shard": f"a-0-{budget}", "sha256": files.sha256(path)}
+        line |= {"seed": 0, "budget": budget}
+        shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, line["shard"], [line])
+    table = shards.read(workspace)
+    assert table[table["model"] == "linear"]["value"].tolist() == [9.3563 if "full" in budgets else 9.3526]
+    assert set(table[table["model"] == "cnn"]["budget"]) == set(budgets)
+
+
 @pytest.mark.slow
 def test_a_result_that_the_index_does_not_know_is_refused(strain, tmp_path):
     workspace, _ = strain
