@@ -195,10 +195,9 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 def read(workspace: Workspace) -> pd.DataFrame:
     """Return the rows of all committed shards; of metric `train_s` the seconds of trainings.
 
-    The last column, `shard`, names the shard that a row is of. What no epochs change is in the shard of a seed at `full`
-    and in that at `half`, which another machine may have computed: the former counts. The times are of one machine for
-    each experiment and protocol, see `timed_on`. None where there are none. Raises InputError where a file is not as
-    indexed.
+    The last column, `shard`, names the shard that a row is of. What no epochs change is in a seed's shard at `full` and
+    in that at `half`, which another machine may have computed: the former counts. The times are of one machine for each
+    experiment and protocol, see `timed_on`. None where there are none. Raises InputError where a file is not as indexed.
     """
     tables = [pd.DataFrame(columns=[*COLUMNS, SHARD, "of"])]
     index, times = folder(workspace) / "index.csv", trainings(workspace)
