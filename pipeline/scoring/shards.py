@@ -197,7 +197,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
 
     The last column, `shard`, names the shard that a row is of. What no epochs change is in a seed's shard at `full` and
     in that at `half`, which another machine may have computed: the former counts. The times are of one machine for each
-    experiment and protocol, see `timed_on`. None where there are none. Raises InputError where a file is not as indexed.
+    experiment and protocol, see `timed_on`. None where none are. Raises InputError where a file is not as indexed.
     """
     tables = [pd.DataFrame(columns=[*COLUMNS, SHARD, "of"])]
     index, times = folder(workspace) / "index.csv", trainings(workspace)
