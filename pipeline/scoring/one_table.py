@@ -141,7 +141,7 @@ def results(workspace: Workspace, own: Collection[str], experiment: str = "") ->
     further = read({"counts": workspace.reports / "counts.csv", "drift": workspace.study("strain", "drift")})
     table = pd.concat([further, *timed, kept], ignore_index=True)
     table = table[~table["experiment"].isin(own) & ((table["experiment"] == experiment) | (experiment == ""))]
-    return Results(table.fillna({WHOLE: False}).astype({WHOLE: bool}))
+    return Results(table.astype({WHOLE: object}).fillna({WHOLE: False}).astype({WHOLE: bool}))
 
 
 def read(files: Mapping[str, Path | list[Path]]) -> pd.DataFrame:
@@ -152,7 +152,7 @@ def read(files: Mapping[str, Path | list[Path]]) -> pd.DataFrame:
     parts = [(name, path) for name, at in files.items() for path in ([at] if isinstance(at, Path) else at)]
     tables = [TABLES[name](path) for name, path in parts if path.exists()] or [pd.DataFrame(columns=COLUMNS)]
     together = pd.concat([table.reindex(columns=[*COLUMNS, WHOLE]).astype(object) for table in tables])
-    return together.infer_objects().fillna({WHOLE: False}).astype({WHOLE: bool, "value": float})
+    return together.infer_objects().astype({WHOLE: object}).fillna({WHOLE: False}).astype({WHOLE: bool, "value": float})
 
 
 def _scores(path: Path) -> pd.DataFrame:

@@ -232,16 +232,17 @@ def test_the_page_of_benchmarks_follows_from_its_tables(tmp_path):
 PAGES = ("index.html", "appendix.html")
 
 
-def test_the_reviewers_pages_follow_from_the_reports(workspace, undrawn, monkeypatch):
+def test_the_reviewers_pages_follow_from_the_reports(workspace, undrawn):
     """But for the pictures in them, which other versions of libraries draw by other bytes."""
-    monkeypatch.setattr(sections, "why_not_run", lambda *given: None)
     for name in ("README.md", "constraints.txt"):
         shutil.copy(ROOT / name, workspace.root)
     for name in ("evidence", "docs", "dvc.yaml"):
         (workspace.root / name).symlink_to(ROOT / name)
     shutil.copytree(REPORTS, workspace.reports)
+    (workspace.reports / "shards.md").unlink()
     found = sections.build(workspace, VALUES)
     assert tuple(found) == PAGES
+    assert_same_file(workspace.reports / "shards.md", REPORTS / "shards.md")
     for name, page in found.items():
         committed = (REPORTS / name).read_text(encoding="utf-8")
         ours, theirs = (re.sub(r"data:image/[^\"]*", "", text) for text in (page, committed))
@@ -250,7 +251,16 @@ def test_the_reviewers_pages_follow_from_the_reports(workspace, undrawn, monkeyp
 
 # What the tests above compute anew: patterns of files of reports/, from what these tests run over.
 ANEW = {
-    *("claims.csv", "claims.md", "twins.csv", "twins/README.md", "counts.csv", "benchmarks/README.md", *PAGES),
+    *(
+        "claims.csv",
+        "claims.md",
+        "twins.csv",
+        "twins/README.md",
+        "counts.csv",
+        "benchmarks/README.md",
+        "shards.md",
+        *PAGES,
+    ),
     *(f"metrics/{name}/*" for name in VALUES["experiments"]),
     *(f"{name}/*/*.{kind}" for name in VALUES["experiments"] for kind in ("csv", "md")),
     *map(relative, [*TABLES, *SPEEDS]),
