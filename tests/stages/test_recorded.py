@@ -97,6 +97,7 @@ def test_every_setting_of_recorded_data_is_read(workspace, experiment, stages, t
     MADE[experiment](tmp_path / "made")
     ignore_bookkeeping(monkeypatch.setattr)
     stages(experiment, tmp_path / "made", Noted(values, read), [latency, stress])
+    run_stage(monkeypatch, workspace, stress, experiment, "look")
     scores = pd.read_csv(workspace.scores(experiment))
     assert set(scores["protocol"]) == set(PROTOCOLS[experiment]) and np.isfinite(scores["value"]).any()
     own = {name for name in leaves(values) if name.startswith((f"{experiment}.", f"stress.{experiment}."))}
