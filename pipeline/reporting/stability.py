@@ -247,7 +247,10 @@ def findings(
 def _first(lost: pd.DataFrame, own: pd.DataFrame) -> dict:
     """Return what is said of the test that takes half of the skill first; lost: rows of the models that lose it."""
     order = lost.assign(size=lost["half_at"].abs()).sort_values("size", kind="stable")
-    ends = [{"model": model_name(row["model"]), "at": half_at(row)} for row in order.to_dict("records")]
+    ends = [
+        {"model": model_name(row["model"]), "at": half_at(row).replace("< 1", "less than one")}
+        for row in order.to_dict("records")
+    ]
     kept = [model_name(model) for model in own["model"] if model not in set(lost["model"])]
     said = {
         "test": perturbation(own["perturbation"].iloc[0])[0],
@@ -317,8 +320,10 @@ def severity(value: float) -> str:
 def half_at(row: Mapping) -> str:
     """Return `at [low, high]`, the severity at which half of the skill is lost; an open end is that of what was tried.
 
-    row: of failures.csv.
+    row: of failures.csv. Of elements or lines there is none less than one.
     """
+    if row["unit"].startswith("number of") and row["half_at"] < 1:
+        return "< 1"
     open_end = f"{'>' if row['direction'] == UP else '<'} {row['largest']:g}"
     middle = severity(row["half_at"]) if np.isfinite(row["half_at"]) else open_end
     ends = [severity(row[f"half_{end}"]) if np.isfinite(row[f"half_{end}"]) else open_end for end in ("low", "high")]
@@ -396,7 +401,7 @@ def helped(table: pd.DataFrame) -> Table:
     rows = []
     for row in table[table["half_at"].notna() | table["half_at_variant"].notna()].to_dict("records"):
         error, unit = error_words(row["experiment"])
-        other = {"direction": row["direction"], "largest": row["largest_variant"]}
+        other = {"direction": row["direction"], "unit": row["unit"], "largest": row["largest_variant"]}
         other |= {name: row[f"{name}_variant"] for name in ("half_at", "half_low", "half_high")}
         where = f"{experiment_name(row['experiment'])}, {condition_of(row)}"
         name = test_name(row["perturbation"], row["direction"], table[table["experiment"] == row["experiment"]])

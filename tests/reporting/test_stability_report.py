@@ -70,7 +70,7 @@ def test_the_report_says_where_half_of_the_skill_is_lost(workspace, made, undraw
         *("Speed of a press, below 0 (factor, as a power of 2)", "Dead elements (number of elements)"),
     ]
     row = next(line for line in cells(text) if line[0] == "CNN" and len(line) == len(head))
-    assert row == ["CNN", "3.00", "0.34 [0.34, 0.35]", "0.34 [0.34, 0.35]", "-0.34 [-0.35, -0.34]", "0.34 [0.34, 0.35]"]
+    assert row == ["CNN", "3.00", "0.34 [0.34, 0.35]", "0.34 [0.34, 0.35]", "-0.34 [-0.35, -0.34]", "< 1"]
     row = next(line for line in cells(text) if line[0] == "LoMP" and len(line) == len(head))
     assert row == ["LoMP", "2.00", "> 1", "> 1", "-2 [-2, -1.9]", "2 [1.9, 2]"]
     assert "Not usable clean (limit 5.00 kPa): Linear (9.00)." in text
@@ -216,7 +216,7 @@ def test_the_sentences_are_right(workspace, made, undrawn):
     (row,) = pd.read_csv(workspace.reports / "stability" / "findings.csv").to_dict("records")
     assert row["breaks"] == (
         "What breaks first (double touches) is dead elements, under which both models lose half of their skill, CNN "
-        "first, at 0.34 [0.34, 0.35], and LoMP last, at 2 [1.9, 2] (number of elements)."
+        "first, at less than one, and LoMP last, at 2 [1.9, 2] (number of elements)."
     )
     assert row["holds"] == (
         "No test leaves every model more than half of its skill; the one that most models withstand is "
