@@ -71,7 +71,8 @@ def as_error(table: pd.DataFrame, experiment: str) -> pd.DataFrame:
     """Return the rows of an experiment's main metric with the column `error`: less is better."""
     metric = facts(experiment).metric
     own = table[(table["experiment"] == experiment) & (table["metric"] == metric)]
-    return own.assign(error=1 - own["value"] if metric == "accuracy" else own["value"])
+    value = own["value"].astype(float)
+    return own.assign(error=1 - value if metric == "accuracy" else value)
 
 
 def of_variant(table: pd.DataFrame, variant: str) -> pd.DataFrame:

@@ -156,7 +156,8 @@ class Report:
                 for seed in self.settings["protocols"][protocol]["seeds"]
                 for model in self.models
             ]
-            return pd.concat(run[[*CURVE, "budget"]] for run in runs if len(run) > 1)
+            none = pd.DataFrame(columns=[*CURVE, "budget"], dtype=float)
+            return pd.concat([run[[*CURVE, "budget"]] for run in runs if len(run) > 1] or [none])
         index = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX)
         index = index[index["shard"].str.rsplit("-", n=2).str[0].isin(self._of_tables)]
         rows = shown.curves(self.workspace, index["shard"]).merge(index[["shard", "budget"]], on="shard")

@@ -370,7 +370,7 @@ def varied(workspace, experiment: str, rows: list[tuple]) -> None:
     for seed, own in table.groupby("seed"):
         name = f"variants_{experiment}-{seed}-full"
         write_table(shards.result_file(workspace, name), own[claim_inputs.COLUMNS])
-        indexed(workspace, name, experiment, seed)
+        indexed(workspace, name, experiment, seed, shards.result_file(workspace, name))
     small_variants(workspace.root)
 
 

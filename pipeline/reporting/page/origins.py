@@ -42,5 +42,5 @@ def _line(name: str, rows: pd.DataFrame, index: pd.DataFrame) -> dict:
         "seeds": sorted((int(shard.split("-")[-2]), shard) for shard in origin.shards),
         "models": [model_name(model) for model in dict.fromkeys(rows["model"])],
         "origin": origin,
-        "core_s": index[index["shard"].isin(origin.shards)]["core_s"].astype(float).sum(),
+        "core_s": pd.to_numeric(index[index["shard"].isin(origin.shards)]["core_s"]).sum(),
     }

@@ -24,7 +24,7 @@ from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, 
 from pipeline.reporting.stability import FINDINGS, by_test, stability_table
 from pipeline.reporting.tables import Table
 from pipeline.reporting.words.labels import condition_name, experiment_name, plain
-from pipeline.scoring import one_table
+from pipeline.scoring import one_table, shards
 from pipeline.scoring.results import read_csv
 
 HEADING = "Soft tactile sensing, reproduced"
@@ -37,6 +37,7 @@ PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "mat
 CHAPTERS = {"stability": "Stability", "rightsize": "Model size", "physics": "Physics", "twins": "Scenes and recordings"}
 CHAPTERS |= {"material": "Recorded material", "benchmarks": "Benchmarks"}
 OF_OWN_LOGS = "its logs are your own, of which there is no evidence; their report is in reports/look"
+NOT_COMPUTED = "none of its shards is in the evidence; `tactile evidence` computes them"
 CAPTIONED = re.compile(r"^(?:- |!)\[[^\]]*\]\(([^)\s]+)\.png\):? *(.*)\n", re.MULTILINE)
 
 
@@ -50,7 +51,10 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     content = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
     judged = claims.read(workspace)
     own = one_table.of_own_logs(values)
-    shown = {name: OF_OWN_LOGS if name in own else "" for name in values["experiments"]}
+    index = shards.table(shards.folder(workspace) / "index.csv", shards.INDEX)
+    computed = set(index[index["protocol"] != shards.STUDY]["experiment"])
+    reasons = {name: "" if name in computed else NOT_COMPUTED for name in values["experiments"]}
+    shown = reasons | dict.fromkeys(own, OF_OWN_LOGS)
     data = {name: data_of(name, block) for name, block in values.items() if name in shown}
     speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
     failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
