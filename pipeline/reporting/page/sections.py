@@ -7,6 +7,7 @@ commit: the pages are the same wherever the numbers are.
 
 import re
 from collections.abc import Container, Mapping
+from pathlib import Path
 
 import pandas as pd
 import yaml
@@ -53,7 +54,8 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     own = one_table.of_own_logs(values)
     index = shards.table(shards.folder(workspace) / "index.csv", shards.INDEX)
     computed = set(index[index["protocol"] != shards.STUDY]["experiment"])
-    reasons = {name: "" if name in computed else NOT_COMPUTED for name in values["experiments"]}
+    there = {name for name in values["experiments"] if name in computed or speed_file(workspace, name).exists()}
+    reasons = {name: "" if name in there else NOT_COMPUTED for name in values["experiments"]}
     shown = reasons | dict.fromkeys(own, OF_OWN_LOGS)
     data = {name: data_of(name, block) for name, block in values.items() if name in shown}
     speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
@@ -97,9 +99,14 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     return pages
 
 
+def speed_file(workspace: Workspace, experiment: str) -> Path:
+    """Return the file of the speed table of an experiment."""
+    return workspace.reports / experiment / "speed" / "table2.csv"
+
+
 def speed_table(workspace: Workspace, experiment: str) -> pd.DataFrame:
     """Read the speed table of an experiment."""
-    path = workspace.reports / experiment / "speed" / "table2.csv"
+    path = speed_file(workspace, experiment)
     return read_csv(path, charts.COLUMNS, f"python -m pipeline.stages.render {experiment}")
 
 

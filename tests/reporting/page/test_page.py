@@ -220,7 +220,7 @@ def test_the_pages_say_what_the_tables_say(workspace, reports):
         built(workspace)
 
 
-def test_what_is_missing_is_said(workspace, reports):
+def test_what_is_missing_is_said(workspace, reports, monkeypatch):
     section = built(workspace)["appendix.html"].split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
     assert "its logs are your own" in section and "charts" not in section
     for link in ("more.md", "../appendix.html#nowhere"):
@@ -228,11 +228,18 @@ def test_what_is_missing_is_said(workspace, reports):
         (reports / "benchmarks" / "README.md").write_text(text)
         with pytest.raises(InputError, match="benchmarks/more.md|appendix.html#nowhere"):
             built(workspace)
+    (reports / "benchmarks" / "README.md").write_text("# Longer\n")
+    shutil.rmtree(reports / "touch" / "speed")
+    section = built(workspace)["appendix.html"].split('<section id="touch">')[1].split("</section>")[0]
+    assert "none of its shards is in the evidence" in section, "not computed, and said so"
+    monkeypatch.setattr(
+        sections.shards, "table", lambda *given: pd.DataFrame({"experiment": ["touch"], "protocol": "press"})
+    )
+    with pytest.raises(InputError, match="touch/speed/table2.csv"):  # computed, and not rendered
+        built(workspace)
+    monkeypatch.undo()
     (workspace.root / "constraints.txt").write_text("torch==1\n")
     with pytest.raises(InputError, match="numpy"):
-        built(workspace)
-    shutil.rmtree(reports / "touch" / "speed")
-    with pytest.raises(InputError, match="touch/speed/table2.csv"):
         built(workspace)
 
 
