@@ -126,11 +126,13 @@ def main(workspace: Workspace) -> None:
         accept(workspace, scores)
         return
     path = workspace.root / COMMITTED
-    if path.exists():
-        committed = results.read_csv(path, ROWS, f"git checkout {COMMITTED}")
+    committed = results.read_csv(path, ROWS, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
+    if len(committed):
         text, sentence = report(committed, scores, spreads(shards.read(workspace)))
     else:
-        sentence = f"Not compared: there is no {COMMITTED}; `python -m pipeline.stages.agreement accept` writes it."
+        sentence = (
+            f"Not compared: there is no number in {COMMITTED}; `python -m pipeline.stages.agreement accept` writes it."
+        )
         text = f"# Agreement of this machine's look with the committed one\n\n{sentence}\n"
     files.write_text(workspace.look / "agreement.md", text)
     print(sentence)

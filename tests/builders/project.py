@@ -251,7 +251,11 @@ def run_studies(project: Project) -> None:
                 indexed(workspace, name, experiment, seed, kept, "" if varied else shards.STUDY)
     values = params.read(workspace.params)
     for name in SETS:
+        of_look = workspace.stress(sets[name].experiment)
+        tried = of_look.read_bytes()
+        project.stages(f"stages.stress {sets[name].experiment}")
         shard.write(workspace, workspace, shards.Shard(name, 0, FULL), sets[name], values, 1.0)
+        of_look.write_bytes(tried)
 
 
 # Prints the stages that the targets need, one per line, in an order in which they can run. In a process of its own:

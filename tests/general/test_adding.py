@@ -68,7 +68,7 @@ def sagging_supply(readings: np.ndarray, severity: float, rng: np.random.Generat
     return _same_kind(readings, readings - severity * span)
 '''
 STRESSED = ("simulate", "ingest", "dataset", "train", "evaluate", "stress")
-STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render")
+STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency")
 
 
 def test_a_claim_of_five_lines_is_judged_in_the_report(workspace, monkeypatch):
@@ -101,8 +101,8 @@ def test_a_model_of_two_files_is_trained_and_in_the_report(tmp_path):
     (project.folder / "pipeline" / "models" / "whole_ridge.py").write_text(MODEL)
     few = {"touch.simulate.specimens": 1, "touch.protocols.press.seeds": [0]}
     project.set({"touch.models": {"constant": {}, "linear": {}, "whole_ridge": {"ridge": 1.0}}} | few)
-    project.stages(*(f"stages.{stage} touch" for stage in STAGES))
-    report = project.folder / "reports" / "touch"
+    project.stages(*(f"stages.{stage} touch" for stage in STAGES), "stages.render touch look")
+    report = project.folder / "reports" / "look" / "touch"
     table = pd.read_csv(report / "accuracy" / "table1.csv")
     own, linear = (table[table["model"] == model] for model in ("whole_ridge", "linear"))
     assert len(own) == len(linear) and set(own["runs"]) == {1} and own["mean"].tolist() != linear["mean"].tolist()
@@ -128,8 +128,8 @@ def test_an_experiment_of_a_module_a_file_of_settings_and_a_row_is_in_the_report
     (project.folder / "params" / "pads.yaml").write_text(yaml.safe_dump({"pads": block}))
     known = yaml.safe_load((project.folder / "params.yaml").read_text())["experiments"]
     project.set({"experiments": [*known, "pads"]})
-    project.stages(*(f"stages.{stage} pads" for stage in STAGES if stage != "simulate"))
-    report = project.folder / "reports" / "pads" / "accuracy"
+    project.stages(*(f"stages.{stage} pads" for stage in STAGES if stage != "simulate"), "stages.render pads look")
+    report = project.folder / "reports" / "look" / "pads" / "accuracy"
     scores = pd.read_csv(report / "scores.csv")
     rmse = scores[(scores["metric"] == "rmse") & (scores["condition"] == "single")].set_index("model")["value"]
     assert 0 < rmse["window_trees"] < 0.8 * rmse["constant"]

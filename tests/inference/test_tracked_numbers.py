@@ -56,9 +56,10 @@ def by_hand(folder) -> dict[tuple, dict[str, float]]:
     """Return (experiment, model, protocol, variant, budget) -> metric of MLflow -> value, from the evidence's files."""
     seeds = defaultdict(dict)
     for path in sorted((folder / "results").glob("*.csv")):
+        whole = path.name.endswith("-half.csv") and path.with_name(path.name.replace("-half", "-full")).exists()
         with open(path, newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file):
-                if row["metric"] in COMPARED:
+                if row["metric"] in COMPARED and (row["budget"] or not whole):  # else that of the full shard counts
                     of = (row[name] or "none" for name in ("protocol", "variant", "budget"))
                     run = row["experiment"], row["model"], *of
                     seeds[run, row["condition"], row["metric"]][row["seed"]] = float(row["value"])

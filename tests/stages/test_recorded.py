@@ -171,7 +171,7 @@ def test_predict_finds_the_real_recordings(experiment, recordings):
 def test_real_recordings_have_the_committed_scores(workspace, experiment, stages, recordings, tmp_path):
     folder, values = recordings(experiment), settings(experiment, MODEL[experiment])
     stages(experiment, folder, values)
-    committed = pd.read_csv(ROOT / "reports" / "scores.csv")
+    committed = pd.read_csv(ROOT / "evidence" / "look.csv")
     chosen = (committed["experiment"] == experiment) & (committed["model"] == MODEL[experiment])
     committed = committed[chosen & committed["protocol"].isin(PROTOCOLS[experiment])]
     both = committed.merge(
