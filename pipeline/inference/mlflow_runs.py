@@ -108,7 +108,7 @@ def evidence(workspace: Workspace, kept: Results) -> dict[str, list[Run]]:
     if rows.empty:
         return {}
     sets, curves = shards.read_sets(workspace), dict(list(shown.curves(workspace, index["shard"]).groupby("shard")))
-    timed = rows[rows["metric"] == TRAIN_S].merge(index[["shard", "machine"]], on="shard")
+    timed = shards.trainings(workspace).rename(columns={TRAIN_S: "value"})
     times = dict(list(timed.groupby(["experiment", "protocol", "model"])))
     rows = rows[(rows["metric"] != TRAIN_S) & ~rows["metric"].str.endswith(units.SUFFIX)]
     runs: dict[str, list[Run]] = {}
