@@ -272,6 +272,41 @@ def test_a_model_is_made_from_what_dvc_watches_for_its_stage(experiment, entries
     assert "pipeline/learning/lomp_network.py" in train.code("touch", "lomp")
 
 
+OF_MODELS = "claim_inputs|kept|latency|models|predictions|probe|scores|speed|stress"
+MEASURED_HERE = re.compile(rf"data/(?!own/|sources/)\w+/({OF_MODELS})|reports/look")
+OF_DATA = {"render_twins"}  # it compares scenes with recordings, and shows no model
+
+
+def test_what_is_committed_of_reports_is_made_of_nothing_that_was_trained_or_measured_here():
+    """Directly or by another stage; the look is ignored by git, and what follows from it has no outputs."""
+    committed = {}
+    with Repo(str(ROOT)) as repo:
+        made = {out.def_path: stage for stage in repo.index.stages for out in stage.outs}
+        for stage in repo.index.stages:
+            paths = [out.def_path for out in stage.outs]
+            if any(path.startswith("reports/") and not path.startswith("reports/look/") for path in paths):
+                committed[stage.name] = all_deps(stage, made)
+    assert len(committed) > 8 and OF_DATA < set(committed)
+    reads = [(name, dep) for name, deps in committed.items() for dep in sorted(deps)]
+    wrong = [f"{name} reads {dep}" for name, dep in reads if MEASURED_HERE.match(dep)]
+    assert not wrong, "\n".join(wrong)
+    of_data = {name for name, deps in committed.items() if any(dep.startswith("data/") for dep in deps)}
+    assert of_data == OF_DATA | {"page", "metrics"}, "by reports/twins alone"
+    assert MEASURED_HERE.match("data/touch/speed") and MEASURED_HERE.match("data/strain/scores.csv")
+    assert "/reports/look/" in (ROOT / ".gitignore").read_text().split()
+
+
+def all_deps(stage, made: Mapping) -> set[str]:
+    """Return what a stage reads, and what that is made of; made: path -> the stage that writes it."""
+    found, left = set(), [stage]
+    while left:
+        deps = {dep.def_path for dep in left.pop().deps if not isinstance(dep, ParamsDependency)} - found
+        found |= deps
+        inside = lambda out, dep: out == dep or out.startswith(f"{dep}/") or dep.startswith(f"{out}/")  # noqa: E731
+        left += [other for out, other in made.items() if any(inside(out, dep) for dep in deps)]
+    return found
+
+
 def test_dvc_yaml_is_a_table_of_contents():
     text = (ROOT / "dvc.yaml").read_text()
     assert len(text.splitlines()) <= 330

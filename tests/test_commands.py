@@ -7,6 +7,7 @@ known: such a word can be any that the parser knows.
 import argparse
 import ast
 import importlib
+import os
 import re
 import subprocess
 import sys
@@ -182,7 +183,7 @@ def wrong_commands(text: str, documented: bool, lines: bool = True) -> Iterator[
             yield f"{call[0]}: {wrong}"
     for call in REPRO.finditer(text):
         for target in call["arguments"].split():
-            if target not in targets() and not OPEN.fullmatch(target):
+            if not target.startswith("-") and target not in targets() and not OPEN.fullmatch(target):
                 yield f"{call[0]}: dvc.yaml has no stage {target}"
     for file in re.findall(r"python (?:-m pytest )?(tests/[\w/.]+\w)", text):
         if not (ROOT / file).exists():
@@ -295,6 +296,25 @@ def test_a_program_reads_json_or_nothing(monkeypatch, capfd, option):
     assert (out, err) == (('{\n "ready": true\n}\n', "words\n") if option == "--json" else ("", ""))
 
 
+@pytest.mark.parametrize(("terminal", "disabled"), [(True, ""), (False, "1")])
+def test_bars_are_for_a_terminal(monkeypatch, capfd, terminal, disabled):
+    """In a file each step of a bar is a line."""
+    found = []
+
+    def parser_of(called):
+        parser = argparse.ArgumentParser()
+        arguments.add_root(parser)
+        parser.set_defaults(main=lambda *given: found.append(os.environ["TQDM_DISABLE"]))
+        parser.add_argument("command")
+        return parser
+
+    monkeypatch.setattr(command_line, "parser_of", parser_of)
+    monkeypatch.setenv("TQDM_DISABLE", "")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    called(monkeypatch, capfd, "track")
+    assert found == [disabled]
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -326,7 +346,7 @@ def test_a_wrong_command_is_seen(text):
         "tactile record /dev/ttyUSB0 array.log --baud 115200",
         "tactile check touch|strain|glove FOLDER",
         "dvc repro",
-        "dvc repro evaluate@touch render@strain",
+        "dvc repro evaluate@touch train@strain",
         "`python tests/kill.py`, `python -m pytest benchmarks`",
         "pip install -q -c constraints.txt -e '.[test]' && python -m pytest",
     ],

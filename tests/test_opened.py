@@ -16,13 +16,13 @@ PROCESS = re.compile(r"\.\d+-[^/]+(?=\.unfinished)")  # in the name of its draft
 DRAFT = re.compile(r"(\.unfinished(?=/|$)|^data/\w+/unfinished/.*)")
 # Of the report of ingest these stages read whether there is anything to do. If not, frames and dataset are empty.
 WHETHER_RUN = re.compile(r"data/(\w+)/ingest\.json")
-EVIDENCE = re.compile(r"evidence/(results|studies)(/.*)?")  # whatever of it changes, so does its index
+EVIDENCE = re.compile(r"evidence/(curves|kept|results|stress|studies)(/.*)?")  # a change is one of its index
 # This stage always runs, so that what it reads is never stale; what it writes is no output of DVC's. Its deps say after
 # which stages it runs: those that make the last of what it reads.
 ALWAYS = {
     "this_machine": re.compile(
         r"dvc\.lock|mlruns(/.*)?|data/\w+(/.*)?|pipeline/scoring/published\.csv|evidence(/.*)?"
-        r"|reports(/agreement\.md(\..*)?)?"
+        r"|reports(/look(/agreement\.md(\..*)?)?)?"
     ),
 }
 

@@ -521,9 +521,10 @@ def test_any_name_of_a_touch_condition(tmp_path, tactile):
     )
     assert "ready" in tactile("check", "touch", str(logs), "--root", str(project.folder))
     project.dvc("repro", "ingest@touch")
-    for stage in ("window", "dataset", "train", "evaluate", "stress", "render"):
+    for stage in ("window", "dataset", "train", "evaluate", "stress"):
         modules.run(project.folder, f"pipeline.stages.{stage}", "touch")
-    accuracy = project.folder / "reports" / "touch" / "accuracy"
+    modules.run(project.folder, "pipeline.stages.render", "touch", "look")
+    accuracy = project.folder / "reports" / "look" / "touch" / "accuracy"
     for table in (project.folder / "data" / "touch" / "scores.csv", accuracy / "scores.csv"):
         rows = pd.read_csv(table, dtype=str, keep_default_na=False, encoding="utf-8")
         assert set(rows["condition"]) == {"single", *own_logs.NAMES}

@@ -20,13 +20,13 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from builders import kills, live_models
+from builders import kills, live_models, readme_tables
 from builders.devices import until
 from builders.made_results import EPOCHS, fit_linear, write_results
 from builders.project import ROOT
 from scipy.stats import gmean
 
-from pipeline.base import params
+from pipeline.base import params, provenance
 from pipeline.base.errors import InputError, run_stage
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
@@ -130,12 +130,13 @@ def test_a_run_says_what_was_trained_and_how_well_it_does(workspace, tracked):
     assert run.info.run_name == "LoMP, press, seed 1" and run.info.status == "FINISHED"
     assert run.info.end_time - run.info.start_time == 2000  # the training's seconds in ms
     assert run.data.params == {
-        **{"model": "LoMP", "protocol": "press", "budget": "look", "seed": "1"},
+        **{"model": "LoMP", "protocol": "press", "variant": "none", "budget": "look", "seed": "1"},
         **{"hidden": "8", "training.learning_rate": "0.001"},
     }
     scores = {"main/single.rmse": 9.5, "published/single.rmse": 2.17, "more/parameters": 17.0, "more/train_s": 2.0}
     assert run.data.metrics.items() >= (scores | {"more/latency.batch_256.p50_ms": 0.5}).items()
-    tags = {"unit.rmse": "kPa", "stop_reason": "closed_form", "budget": "look", "shown": "true"}
+    tags = {"unit.rmse": "kPa", "stop_reason": "closed_form", "budget": "look", "shown": "true", "readme": "false"}
+    tags["git_commit"] = provenance.git_state(workspace)[0]
     assert run.data.tags.items() >= tags.items()
     curve = client(workspace).get_metric_history(run.info.run_id, "validation_loss")
     assert [(point.step, point.value) for point in curve] == [(n, 10.0 / n) for n in range(1, EPOCHS + 1)]
@@ -174,7 +175,7 @@ def test_a_second_call_adds_nothing_and_prints_the_comparison(workspace, tracked
     assert start.endswith(f": 0 of 4 runs are new in MLflow; compare them at {where}")
     assert parse_qs(query, strict_parsing=True) == {
         "workflowType": ["machine_learning"],
-        "searchFilter": ["tags.current = 'true' and tags.shown = 'true' and tags.protocol = 'press'"],
+        "searchFilter": ["tags.current = 'true' and tags.compared = 'true' and tags.protocol = 'press'"],
         "orderByKey": ["metrics.`main/single.rmse`"],
         "orderByAsc": ["true"],
         "compareRunsMode": ["CHART"],
@@ -337,9 +338,9 @@ def test_a_locked_or_damaged_store_is_one_sentence(workspace, tracked, monkeypat
 
 
 def runs_of_evidence(workspace) -> dict:
-    """(model, protocol, budget) -> run of touch in the store of a workspace."""
+    """(model, protocol, variant, budget) -> run of touch in the store of a workspace."""
     return {
-        tuple(run.data.tags[key] for key in ("model", "protocol", "budget")): run
+        tuple(run.data.tags[key] for key in ("model", "protocol", "variant", "budget")): run
         for run in all_runs(workspace).values()
     }
 
@@ -362,7 +363,7 @@ def test_a_clone_has_the_means_over_seeds_of_the_evidence(committed):
     rows = shards.read(workspace)
     rows = rows[(rows.experiment == "touch") & (rows.protocol == "random_window") & (rows.condition == "double")]
     rows = rows[(rows.model == "lomp") & (rows.metric == "rmse") & (rows.budget == "full") & rows.variant.isna()]
-    run = runs["lomp", "random_window", "full"]
+    run = runs["lomp", "random_window", "none", "full"]
     assert run.info.run_name == f"LoMP, random_window, full budget, {len(rows)} seeds"
     assert run.data.metrics["main/double.rmse"] == pytest.approx(gmean(rows.value.astype(float)))
     assert run.data.metrics["published/double.rmse"] == 7.49 and run.data.tags["unit.rmse"] == "kPa"
@@ -370,10 +371,49 @@ def test_a_clone_has_the_means_over_seeds_of_the_evidence(committed):
     assert {point.step: point.value for point in seeds} == dict(zip(rows.seed, rows.value, strict=True))
     times = pd.read_csv(ROOT / "evidence" / "times.csv")
     times = times[times.shard.str.fullmatch(r"touch_random_window(_lomp)?-\d+-full") & (times.model == "lomp")]
-    assert run.info.end_time - run.info.start_time == pytest.approx(1000 * times.train_s.mean(), abs=1)
-    assert runs["linear", "random_window", "none"].data.tags["shown"] == "true"
-    assert runs["lomp", "press", "half"].data.tags["shown"] == "false", "where there is the full budget"
+    index = pd.read_csv(ROOT / "evidence" / "index.csv")
+    times = times.merge(index[["shard", "machine", "commit"]], on="shard")
+    tags, machine = run.data.tags, times.machine.mode()[0]
+    seconds = times[times.machine == machine].train_s.mean()  # a card's are no part of a mean of a core's
+    assert run.info.end_time - run.info.start_time == pytest.approx(1000 * seconds, abs=1)
+    assert run.data.metrics["more/train_s"] == pytest.approx(seconds) and tags["timed_on"] == machine
+    assert [*map(tags.get, ("shards", "git_commit", "machine"))] == [
+        "; ".join(sorted(set(times[name]))) for name in ("shard", "commit", "machine")
+    ]
+    assert "git_changed" not in tags, "of no checkout, but of the shards"
+    kept = [pd.read_csv(ROOT / "evidence" / "curves" / f"{name}.csv") for name in times.shard]
+    curve = pd.concat([each[each.model == "lomp"] for each in kept]).groupby("epoch").validation_loss.mean()
+    said = client(workspace).get_metric_history(run.info.run_id, "validation_loss")
+    assert {point.step: point.value for point in said} == pytest.approx(curve.to_dict()) and len(curve) > 1
+    assert runs["linear", "random_window", "none", "none"].data.tags["shown"] == "true"
+    assert runs["lomp", "press", "none", "half"].data.tags["shown"] == "false", "where there is the full budget"
+    alone = runs["lomp", "press", "lomp_alpha_0", "none"]
+    assert alone.data.params["alpha"] == "0.0" and alone.data.params["hidden"] == "64"
+    assert alone.info.run_name == "LoMP, press, lomp_alpha_0, 3 seeds"
+    marked = {name: alone.data.tags[name] for name in ("shown", "compared", "readme")}
+    assert marked == {"shown": "true", "compared": "false", "readme": "false"}
     assert not any("data" in key for key in runs), "rows that are of no model"
+
+
+def test_every_number_of_readme_is_a_metric_of_one_run(tmp_path, monkeypatch):
+    """In a store that the committed evidence alone has filled."""
+    workspace = Workspace(tmp_path)
+    (tmp_path / "evidence").symlink_to(ROOT / "evidence")
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    mlflow_runs.track(workspace, params.load(ROOT / "params.yaml") | {"experiments": ["touch", "strain", "glove"]})
+    source = client(workspace)
+    runs = list(source.search_runs([each.experiment_id for each in source.search_experiments()], max_results=2000))
+    numbers = readme_tables.numbers((ROOT / "README.md").read_text(encoding="utf-8"))
+    assert len(numbers) == 18 + 4 + 21 and not readme_tables.without_run(numbers, runs)
+    (best,) = (number for number in numbers if (number.model, number.title) == ("SP-ResNet", "Both"))
+    long = [run for run in runs if run.data.tags["variant"] == "epochs_50"]
+    assert readme_tables.without_run(numbers, [run for run in runs if run not in long]) == [best]
+    other = best._replace(text="93.93")  # after 4 epochs: of a run, and not of one that README shows
+    assert readme_tables.without_run([other], runs) == [other]
+    listed = (ROOT / "reports" / "shards.md").read_text(encoding="utf-8")
+    for run in runs:
+        if run.data.tags["readme"] == "true":
+            assert all(f"evidence/results/{name}.csv)" in listed for name in run.data.tags["shards"].split("; "))
 
 
 def test_the_link_opens_the_models_compared_by_their_main_score(committed, tab, capsys):
@@ -405,7 +445,7 @@ def test_the_link_opens_the_models_compared_by_their_main_score(committed, tab, 
     finally:
         os.killpg(server.pid, signal.SIGTERM)
         server.wait(30)
-    there = [run for run in runs_of_evidence(workspace).values() if run.data.tags["shown"] == "true"]
+    there = [run for run in runs_of_evidence(workspace).values() if run.data.tags["compared"] == "true"]
     there = [run for run in there if run.data.tags["protocol"] == "random_window"]
     assert listed.endswith(str(len(there)))
     best = sorted(there, key=lambda run: run.data.metrics["main/double.rmse"])

@@ -21,25 +21,30 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from pipeline.base import arguments, files, foreign, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import evidence
-from pipeline.scoring import shards
+from pipeline.datasets import schemas
+from pipeline.scoring import kept, shards
 from pipeline.scoring.claim_inputs import COLUMNS, DATA
 from pipeline.scoring.shards import Shard
 from pipeline.settings.shards import ShardSet
 from tools import pack
 
 CURVES = ["model", "protocol", "seed", "epoch", "train_loss", "validation_loss"]
+LARGEST_READ, READ_S = 256 << 20, 60  # bytes of memory and seconds that a Parquet file may take
 LARGEST = 16 << 20  # bytes of a table; the largest of the evidence has 0.3 MB
 COPY = "copy it again from the machine that computed it, or ask who gave it to you"
 TEXT, COUNT, NUMBER = r"[\w ().,+:@%/-]{0,500}", r"\d{1,18}", r"-?\d{1,30}(\.\d{1,30})?([eE][+-]?\d{1,2})?"
 SECONDS = r"\d{1,9}(\.\d{1,9})?"  # below 32 years
 DIGEST = r"[0-9a-f]{64}"
 FORMS = {  # of the columns of tables; a number may be missing, as of a training that failed
-    "sha256": DIGEST, "data_sha256": f"({DIGEST})?", "commit": r"[0-9a-f]{40}", "core_s": r"\d{1,9}",
+    "sha256": DIGEST, "data_sha256": f"({DIGEST})?", "kept_sha256": f"({DIGEST})?", "severity": NUMBER,
+    "commit": r"[0-9a-f]{40}", "core_s": r"\d{1,9}",
     "train_s": SECONDS, "epochs": COUNT, "epoch": COUNT, "seed": f"({COUNT})?", "n": f"({COUNT})?",
     "train_loss": f"({NUMBER})?", "validation_loss": f"({NUMBER})?", "value": f"({NUMBER}|nan)?",
 }  # fmt: skip
@@ -174,20 +179,20 @@ def named(workspace: Workspace, folder: Path, draft: Path, sets: Mapping[str, Sh
 
 
 def check_files(
-    workspace: Workspace, folder: Path, draft: Path, sets: Mapping[str, ShardSet], shard: Shard, kept: Sequence[Path],
-    digest: str,
+    workspace: Workspace, folder: Path, draft: Path, sets: Mapping[str, ShardSet], shard: Shard, tables: Sequence[Path],
+    line: Mapping[str, str],
 ) -> list[Path]:  # fmt: skip
-    """Copy the files of a shard to `draft`, and return their paths in it, with the curves where there are some.
+    """Copy the files of a shard to `draft`, and return their paths in it, with those that not every shard has.
 
     Raises InputError where they are not those that its line of the index tells of, or not tables of this repository.
     """
     each, of_experiment = sets[shard.set], params.read(workspace.params)[sets[shard.set].experiment]
     variants = {model for one in each.variants.values() for model in one.models}
     models = variants or {*(each.models or of_experiment["models"]), DATA}
-    copies = [copied(folder, path, draft) for path in kept]
-    if shards.digest(copies) != digest:
-        raise InputError(f"{folder / kept[0]}: not the file that index.csv beside it tells of; copy it again")
-    for path, copy in zip(kept, copies, strict=True):
+    copies = [copied(folder, path, draft) for path in tables]
+    if shards.digest(copies) != line["sha256"]:
+        raise InputError(f"{folder / tables[0]}: not the file that index.csv beside it tells of; copy it again")
+    for path, copy in zip(tables, copies, strict=True):
         if each.study:
             _check_study(workspace, folder / path, copy, shard, each, of_experiment)
             continue
@@ -199,13 +204,63 @@ def check_files(
             only(folder / path, rows, name, known)
         if not rows:
             raise InputError(f"{folder / path}: has no row; {COPY}")
+    further = check_kept(folder, draft, shard, each, models, line)
     curves = Path("curves") / f"{shard.name}.csv"
     if each.study or not os.path.lexists(folder / curves):
-        return list(kept)
+        return [*tables, *further]
     rows = rows_of(copied(folder, curves, draft), folder / curves, CURVES)
     for name, known in {"model": models, "protocol": set(each.protocols), "seed": {str(shard.seed)}}.items():
         only(folder / curves, rows, name, known)
-    return [*kept, curves]
+    return [*tables, *further, curves]
+
+
+def check_kept(
+    folder: Path, draft: Path, shard: Shard, each: ShardSet, models: Collection[str], line: Mapping[str, str]
+) -> list[Path]:
+    """Copy what figures draw of a shard and its scores on perturbed data, where it has them, and return their paths.
+
+    Raises InputError where they are not those that its line of the index tells of, or not tables of this repository.
+    """
+    drawn, stress = (
+        path(Workspace(Path()), shard.name).relative_to("evidence") for path in (shards.kept_file, shards.stress_file)
+    )
+    there = [path for path in (drawn, stress) if os.path.lexists(folder / path)]
+    copies = {path: copied(folder, path, draft) for path in there}
+    if (shards.digest(copies.values()) if there else "") != line["kept_sha256"]:
+        said = "not the file" if there else "missing, and the file"
+        raise InputError(f"{folder / (there or [drawn])[0]}: {said} that index.csv beside it tells of; copy it again")
+    known = {"protocol": set(each.protocols), "seed": {str(shard.seed)}}
+    if drawn in copies:
+        place, schema = folder / drawn, kept.none(each.experiment).schema
+        how = {"memory": LARGEST_READ, "seconds": READ_S}
+        rows = foreign.apart(place, "a table of shards", COPY, small_parquet, copies[drawn], schema, **how)
+        for name, values in (known | {"model": {*models, kept.LABEL, kept.READING}}).items():
+            if odd := set(map(str, rows[name])) - values:
+                raise InputError(f"{folder / drawn}: {name} is {_quoted(min(odd))}, which it cannot be; {COPY}")
+    if stress in copies:
+        rows = rows_of(copies[stress], folder / stress, shards.STRESS)
+        known |= {"experiment": {each.experiment}, "model": models, "budget": {"", shard.budget}}
+        for name, values in known.items():
+            only(folder / stress, rows, name, values)
+    return there
+
+
+def small_parquet(path: Path, schema: pa.Schema) -> dict[str, list]:
+    """Return column -> its different names or numbers of a stranger's Parquet file, but of lists.
+
+    Raises ValueError for a file that is too large, has other columns than `schema` or names that are none.
+    """
+    if path.stat().st_size > kept.LARGEST:
+        raise ValueError(f"more than {kept.LARGEST} bytes")
+    rows = pq.read_table(path)
+    if not rows.schema.equals(schema):
+        raise ValueError("its columns are others")
+    single = [field for field in schema if not pa.types.is_list(field.type)]
+    different = {field.name: rows[field.name].unique().to_pylist() for field in single}
+    names = [name for field in single if field.type == schemas.NAME for name in different[field.name] if name]
+    if any(not re.fullmatch(TEXT, name, re.ASCII) for name in names):
+        raise ValueError("a name in it is none")
+    return different
 
 
 def _check_study(
@@ -267,6 +322,8 @@ def say_other_data(index: pd.DataFrame, sets: Mapping[str, ShardSet], shard: Sha
 def take(workspace: Workspace, draft: Path, shard: Shard, checked: Sequence[Path], times: Sequence[dict]) -> None:
     """Put the checked copies of one shard's files in their place, and the times of its trainings into the table."""
     here = shards.folder(workspace)
+    for file in (shards.kept_file, shards.stress_file):  # a former computation may have had one
+        file(workspace, shard.name).unlink(missing_ok=True)
     for path in checked:
         with files.replacing(here / path) as target:
             shutil.copyfile(draft / path, target)
@@ -286,9 +343,9 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         found = named(workspace, given.folder, draft, sets)
         times = times_of(workspace, given.folder, draft, sets)
         if new := [(shard, line) for shard, line in found if line not in lines]:
-            kept = outputs(workspace)
+            tables = outputs(workspace)
             checked = [
-                check_files(workspace, given.folder, draft, sets, shard, kept[evidence.stage(shard)], line["sha256"])
+                check_files(workspace, given.folder, draft, sets, shard, tables[evidence.stage(shard)], line)
                 for shard, line in new
             ]
             for (shard, line), paths in zip(new, checked, strict=True):

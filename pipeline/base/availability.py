@@ -15,13 +15,3 @@ def why_not_run(workspace: Workspace, experiment: str) -> str | None:
     with foreign.reading(path, "a report of ingest", f"run `python -m pipeline.stages.ingest {experiment}`"):
         report = json.loads(path.read_text(encoding="utf-8"))
         return None if report["run"] else report["reason"]
-
-
-def has_report(workspace: Workspace, experiment: str) -> bool:
-    """Tell whether reports/<experiment> holds results, of this machine or committed ones."""
-    return (workspace.reports / experiment / "speed" / "table2.csv").is_file()
-
-
-def why_not_shown(workspace: Workspace, experiment: str) -> str | None:
-    """Return why there are no results of an experiment to show, neither new nor committed; None where there are."""
-    return None if has_report(workspace, experiment) else why_not_run(workspace, experiment)

@@ -16,12 +16,16 @@ class Source(NamedTuple):
 
 
 class Paper(NamedTuple):
-    """What the paper prints of its models."""
+    """What the paper prints of its models, and what we show beside it."""
 
     key: str  # of published.csv
     metric: str  # of scores.csv
     printed: str  # the metric's name there
     times: int  # how many of its units are one of ours
+    conditions: Mapping[str, str]  # of its table -> heading
+    splits: Mapping[str, str]  # protocols of a condition -> in words; the paper's own first
+    variants: Mapping[tuple[str, str], str] = {}  # (protocol, model) -> variant that stands for the model
+    epochs: int | None = None  # of its trainings; None where it prints no number
 
 
 class Twin(NamedTuple):
@@ -57,7 +61,10 @@ class Facts:
     metric: str  # that models are compared by; less is better, but of accuracy
     compared: tuple[str, ...]  # protocols of which MLflow compares the first that was run
     score: str  # by which MLflow compares
+    first_tested: tuple[str, str]  # protocol and condition whose stability people read first
     tested: Mapping[tuple[str, str], str] = field(default_factory=dict)  # (protocol, condition) of stress, in words
+    drawn: tuple[str, ...] = ()  # protocols whose predictions figures of the reports show
+    seeds: str = "starts"  # what each seed has another one of, in the plural
     sheet: str  # the function of pipeline/sheet/sources.py that makes its sensors for the data sheet
     pooled: tuple[str, ...] = ()  # name of all test windows of a run together
     stream: bool = True  # frames follow one another; else there is neither a data sheet nor a prediction of a log

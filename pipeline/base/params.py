@@ -229,6 +229,15 @@ def is_optional(dotted: str) -> bool:
     return not field.is_required()
 
 
+def keys(dotted: str) -> list[str]:
+    """Return the keys that a block may have, those that it may lack, too; none of what is no block."""
+    try:
+        kind = _at(Params, filter(None, dotted.split(".")))[0]
+    except (AttributeError, IndexError, KeyError):
+        return []
+    return list(kind.model_fields) if isinstance(kind, type) and issubclass(kind, Block) else []
+
+
 def hint(key: object, expected: Iterable[str]) -> str:
     """Return what to say of an unknown key: the likely right one, or all."""
     near = difflib.get_close_matches(str(key), list(expected), n=1)

@@ -41,11 +41,22 @@ def set_values(values: dict, params_file: Path, source: str = "params.yaml") -> 
             with foreign.reading(params.name_of(file), "valid YAML", "fix it"):
                 changed[file] = editor.load(file.read_text(encoding="utf-8"))
         block = whole = changed[file]
-        for key in [*above, last]:
-            known = isinstance(block, dict) and (key in block or (key == last and params.is_optional(dotted)))
-            if not known:
+        for depth, key in enumerate([*above, last]):
+            path = ".".join([*above, last][: depth + 1])
+            optional = isinstance(block, dict) and params.is_optional(path)
+            if optional and key not in block and path != dotted:
+                inside = ", ".join(f"{name}: ..." for name in params.keys(path))
+                raise InputError(
+                    f"{source}: there is no '{path}' in which '{dotted.removeprefix(f'{path}.')}' could be set; write "
+                    f"all of it, `{path}: {{{inside}}}`"
+                )
+            if not (isinstance(block, dict) and (key in block or optional)):
                 near = [key for blocks in found.values() for key in blocks] if block is whole else block
-                hint = params.hint(key, near) if isinstance(block, dict) else "name a setting"
+                above_it = path.rpartition(".")[0]
+                further = [name for name in params.keys(above_it) if params.is_optional(f"{above_it}.{name}")]
+                hint = (
+                    params.hint(key, dict.fromkeys([*near, *further])) if isinstance(block, dict) else "name a setting"
+                )
                 raise InputError(f"{source}: there is no key '{dotted}'; {hint}")
             parent, block = block, block.get(key)
         parent[last] = _flow(value)

@@ -47,6 +47,11 @@ class Workspace:
         origin = Path(os.environ.get("DVC_ROOT", root)).resolve()
         return (origin if root.is_relative_to(origin / ".dvc" / "tmp" / "exps") else root) / "mlruns"
 
+    @property
+    def look(self) -> Path:
+        """Return the folder of the same reports of what was computed here, which git ignores."""
+        return self.reports / "look"
+
     def experiment_folder(self, experiment: str) -> Path:
         """Return `data/<experiment>`, the folder of all that the stages of one experiment write."""
         return self.root / "data" / experiment
@@ -109,6 +114,10 @@ class Workspace:
     def predictions(self, experiment: str) -> Path:
         """Return the folder with one Parquet file per model: the predictions of all its runs on the test windows."""
         return self.experiment_folder(experiment) / "predictions"
+
+    def kept(self, experiment: str) -> Path:
+        """Return the table of what figures draw (output of evaluate), which a shard of the evidence keeps."""
+        return self.experiment_folder(experiment) / "kept.parquet"
 
     def scores(self, experiment: str) -> Path:
         """Return the table with one row per metric, in full precision (output of evaluate)."""

@@ -45,7 +45,8 @@ def stress_test(
 ) -> Callable[[Callable], Callable]:
     """Register the decorated function as a stress test of its name; all arguments are written out, as literals.
 
-    of: kinds of input (pipeline/tasks) whose readings it changes, or the experiment whose scene; unit: of the severity.
+    of: kinds of input (pipeline/tasks) whose readings it changes, or the experiment whose scene; unit: of the
+    severity; it ends in `, number` where severities are numbers of other sensors, which have no order.
     acts_on: `readings` of elements; `frames`, their order in time; `samples`, which of a series count; or the `scene`.
     draw: name of the test whose random numbers it takes; conditions: those of touch that are simulated anew.
     """

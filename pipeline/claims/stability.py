@@ -1,16 +1,29 @@
-"""Judge at which severity of a perturbation each trained model fails, and rank the models.
+"""Judge at which severity of a stress test each model of the evidence loses its skill.
 
-A model fails at the first severity at which its error, the mean over the seeds, is above what a user could work with
-(`stress.<experiment>.usable` of params.yaml), or above that of the model `constant` under the same perturbation. So a
-model is never compared with itself: one that is bad on clean data has no advantage. Severities are walked from the
-smallest change, whatever its sign, to the largest.
+A model's skill is how far its error is below that of the model `constant`, which reads no sensor. Half of it is lost
+where the error is half-way from that on clean data, severity 0, to that of `constant`, all of it where it is that of
+`constant`. A test that changes the scene changes the truth, and with it the error of `constant`, as a press at twice
+the pressure does: there both errors are as shares of that of `constant` at the same severity. `fails_at` is where the
+error passes what a user could work with (`stress.<experiment>.usable`).
+Severities of one sign are walked from 0 outwards, each sign apart. Between two severities the error is taken as a
+straight line on the axis of the severity, on that of its logarithm where the severities of the test span a factor of
+SPAN or more and neither is 0. Where a curve passes a level several times, the first time counts.
 
-Models are ranked by their relative error: the error over that of `constant`, mean over the perturbed severities, then
-over perturbations. 1 is no better than a constant map, place or name.
+Intervals are over seeds: of the mean curves of DRAWS draws, each of as many seeds as there are, with replacement. A
+model and `constant` share the seeds of a draw. An end at which the level is not reached is infinite. Fewer than FEWEST
+seeds have no interval.
+
+A model is usable clean where its clean error, the mean over seeds that the tables of accuracy have, is at most `usable`
+and below that of `constant`. Others have no skill whose loss could be told, and stand in no table but that of UNUSABLE.
+The one rule asks for both, so that no model is judged that a user would not take, and nothing that knows nothing.
+
+Two kinds of test have no severity at which something is lost, and are told by their errors alone: one whose severities
+are numbers of other sensors, which have no order, and one without a severity 0, as three touches have.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+import itertools
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,132 +31,372 @@ import pandas as pd
 
 from pipeline.base.errors import InputError
 from pipeline.experiments import facts
-from pipeline.scoring import results, studies
-from pipeline.scoring.results import Estimate
+from pipeline.scoring.claim_inputs import FULL
+from pipeline.scoring.results import CONFIDENCE, FEWEST, estimate
+from pipeline.settings.stress import TESTS
 
 FLOOR = "constant"
-HOLDS, WORSE, UNUSABLE, FAILED = "holds", "worse than constant", "not usable", "failed in training"
+SPAN = 10.0
+DRAWS = 1000
+SEED = 0  # of the draws
+UP, DOWN = "up", "down"  # directions: severities above 0, and below
+LINEAR, LOG = "linear", "log"  # axes
+NO_ORDER, NO_CLEAN = "no order", "no clean level"
+NAMES = ", number"  # end of the unit of a test whose severities are numbers of other sensors
 TESTED_ON = ["protocol", "condition", "perturbation"]
 KEY = [*TESTED_ON, "severity", "model", "seed"]
-LAST = ["last_severity", "last_error"]  # of the walk
-FAILURES = [
-    "experiment",
-    *TESTED_ON,
-    "model",
-    "fails_at",
-    "step",
-    "clean",
-    "error",
-    "verdict",
-    *LAST,
-    "relative",
-    "worse",
-]
+WHERE = ["experiment", *TESTED_ON, "model"]
+LEVELS = ("half", "all", "fails")
+FAILURES = [*WHERE, "fails_at", "half_at", "half_low", "half_high", "all_at", "clean", "seeds", "budget", "direction"]
+FAILURES += ["unit", "axis", "all_low", "all_high", "largest", "half_note", "all_note", "fails_note", "start", "floor"]
+FAILURES += ["usable", "failed"]
+UNUSABLE = ["experiment", "protocol", "condition", "model", "clean", "floor", "usable", "seeds", "failed"]
+STARTS = ["experiment", "model", "starts", "failed", "worse", "protocols", "third", "thrice", "rate_seeds"]
+RATE = re.compile(r"(?:^|_)rate_([\d.]+)$")  # variants trained at so many times their learning rate
+THIRD, THRICE = 1 / 3, 3.0
+WORSE = 2.0  # times the median of the starts
 
 
-class Verdict(NamedTuple):
-    """Where one model fails: severity and its number in the walk, NaN if nowhere; clean, error: before, and there."""
+class Runs(NamedTuple):
+    """The runs of one model in one condition under one test, of the seeds that `constant` has, too."""
 
-    severity: float
-    step: float
-    clean: float
-    error: float
-    reason: str
+    severities: np.ndarray  # (k,) rising, 0 among them or not
+    errors: np.ndarray  # (seeds, k)
+    floor: np.ndarray  # (seeds, k) of `constant`, NaN where there is none
+    budget: str
+    failed: int  # runs without an error, which are not among these
 
 
-def runs(stress: pd.DataFrame, experiment: str) -> pd.DataFrame:
-    """Return an experiment's rows of reports/stress.csv as protocol, condition, ..., seed, error; one row per run."""
+def as_error(table: pd.DataFrame, experiment: str) -> pd.DataFrame:
+    """Return the rows of an experiment's main metric with the column `error`: less is better."""
     metric = facts(experiment).metric
-    own = stress[(stress["experiment"] == experiment) & (stress["metric"] == metric)]
-    error = 1 - own["value"] if metric == "accuracy" else own["value"]
-    return own[KEY].assign(error=error).reset_index(drop=True)
+    own = table[(table["experiment"] == experiment) & (table["metric"] == metric)]
+    value = own["value"].astype(float)
+    return own.assign(error=1 - value if metric == "accuracy" else value)
 
 
-def check(table: pd.DataFrame, path: Path, experiment: str, models: Iterable[str], seeds: Mapping[str, Sequence[int]]):
-    """Raise InputError for a missing or repeated run: every model and seed has one at each severity.
+def of_variant(table: pd.DataFrame, variant: str) -> pd.DataFrame:
+    """Return the rows of one variant, fully trained."""
+    return table[(table["variant"].fillna("") == variant) & table["budget"].fillna("").isin(["", FULL])]
 
-    table: see `runs`, of the file `path`; seeds: protocol -> those of params.yaml.
+
+def runs(stress: pd.DataFrame, experiment: str, variant: str = "") -> pd.DataFrame:
+    """Return KEY, budget and error of the runs of an experiment, fully trained; stress: see `shards.stress`.
+
+    Raises InputError where a run is there twice, or is absent where another seed has it.
     """
-    made_by = f"python -m pipeline.stages.stress {experiment}"
-    levels = table[[*TESTED_ON, "severity"]].drop_duplicates()
-    if absent := [protocol for protocol in seeds if protocol not in set(levels["protocol"])]:
-        raise InputError(f"{path}: no row for protocol {absent[0]} of {experiment}; run `{made_by}` again")
-    wanted = (
-        (*level, model, seed)
-        for level in levels.itertuples(index=False, name=None)
-        for model in models
-        for seed in seeds.get(level[0], ())
-    )
-    studies.check(table, path, KEY, wanted, made_by)
+    own = as_error(of_variant(stress, variant), experiment)
+    for row in own[own.duplicated(KEY)][KEY].itertuples(index=False):
+        words = ", ".join(f"{name} {value}" for name, value in zip(KEY, row, strict=True))
+        raise InputError(f"evidence/stress: two rows of {experiment} for {words}; run `tactile evidence` again")
+    for test, severity, model, seed in _lacking(own):
+        raise InputError(
+            f"evidence/stress: no row of {experiment} for perturbation {test}, severity {severity:g}, model {model}, "
+            f"seed {seed}, which others have; run `tactile evidence` again"
+        )
+    return own[[*KEY, "budget", "error"]].fillna({"budget": ""}).reset_index(drop=True)
 
 
-def level(errors: Sequence[float]) -> Estimate:
-    """Return the mean of the seeds' errors at one severity, with the lowest and highest in place of an interval.
+def _lacking(own: pd.DataFrame) -> Iterator[tuple[str, float, str, int]]:
+    """Yield test, severity, model and seed of each run that is absent where another seed of the model has it."""
+    for (*_, test, model), rows in own.groupby([*TESTED_ON, "model"], sort=False):
+        present = set(zip(rows["severity"], rows["seed"], strict=True))
+        every = itertools.product(rows["severity"].unique(), rows["seed"].unique())
+        yield from ((test, at, model, seed) for at, seed in every if (at, seed) not in present)
 
-    A run failed where its error is not finite.
+
+def clean_errors(rows: pd.DataFrame, stressed: pd.DataFrame, experiment: str, variant: str = "") -> pd.DataFrame:
+    """Return (protocol, condition, model, seed) -> clean error, of the runs that were put under stress.
+
+    rows: of the one table, whose errors are those of the tables of accuracy; stressed: `runs`, whose errors at severity
+    0 count where that table lacks a condition, as touches that were pressed anew.
     """
-    good = np.asarray(errors, dtype=float)
-    good = good[np.isfinite(good)]
-    ends = (float(good.min()), float(good.max())) if len(good) else (np.nan, np.nan)
-    return results.estimate(errors)._replace(low=ends[0], high=ends[1])
+    run = ["protocol", "condition", "model", "seed"]
+    told = as_error(of_variant(rows, variant), experiment).drop_duplicates(run).set_index(run)["error"]
+    here = stressed[stressed["severity"] == 0].groupby(run)["error"].mean()
+    return told.reindex(here.index).fillna(here).rename("error").reset_index()
 
 
-def walked(severities: Sequence[float]) -> list[float]:
-    """Order severities as a model is led to its failure: from 0 outwards, or as listed where there is no 0."""
-    listed = list(dict.fromkeys(severities))
-    return sorted(listed, key=lambda value: (abs(value), value)) if 0 in listed else listed
+def limit(usable: Mapping[str, float], protocol: str, condition: str) -> float:
+    """Return the largest error that is usable: of the condition, `protocol/condition`, or else of the protocol."""
+    return usable.get(f"{protocol}/{condition}", usable[protocol])
 
 
-def curves(table: pd.DataFrame) -> dict[tuple, dict[str, dict[float, Estimate]]]:
-    """Return (protocol, condition, perturbation) -> model -> severity -> `level`, severities as walked."""
-    found = {}
-    for tested_on, runs in table.groupby(TESTED_ON, sort=False):
-        order = walked(runs["severity"])
-        levels = {key: level(errors) for key, errors in runs.groupby(["model", "severity"])["error"]}
-        models = runs["model"].unique()
-        found[tested_on] = {model: {severity: levels[model, severity] for severity in order} for model in models}
+def unit_of(test: str) -> str:
+    """Return the unit of the severities of a test."""
+    return {name: told.unit for _, name, told in TESTS}.get(test, "severity")
+
+
+def groups(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str, str], dict[str, Runs]]]:
+    """Yield (protocol, condition, perturbation) and the runs of each model, in the order of the table."""
+    for place, own in table.groupby(TESTED_ON, sort=False):
+        matrices = {model: _matrix(rows) for model, rows in own.groupby("model", sort=False)}
+        floor = matrices.get(FLOOR, pd.DataFrame())
+        found = {}
+        for model, matrix in matrices.items():
+            known = matrix.dropna()
+            paired = known[known.index.isin(floor.index)] if len(floor) else known
+            budget = own.loc[own["model"] == model, "budget"].iloc[0]
+            at_floor = floor.reindex(index=paired.index, columns=matrix.columns).to_numpy(float)
+            columns = np.array(matrix.columns, dtype=float)
+            found[model] = Runs(columns, paired.to_numpy(float), at_floor, budget, len(matrix) - len(known))
+        yield place, found
+
+
+def _matrix(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return errors by seed (rows) and rising severity (columns)."""
+    return rows.pivot(index="seed", columns="severity", values="error").sort_index(axis=1)
+
+
+def crossing(severities: np.ndarray, errors: np.ndarray, level: np.ndarray | float, axis: str) -> np.ndarray:
+    """Return the first severity (...) at which curves reach a level, infinite where they do not.
+
+    severities: (k,) rising from 0; errors: (..., k); level: (...).
+    """
+    errors, level = np.asarray(errors, dtype=float), np.asarray(level, dtype=float)
+    above = errors >= level[..., None]
+    last = above.argmax(axis=-1)
+    before = np.maximum(last - 1, 0)
+    at, former = (np.take_along_axis(errors, each[..., None], -1)[..., 0] for each in (last, before))
+    rise = at - former
+    share = np.divide(level - former, rise, out=np.zeros_like(rise), where=rise > 0)
+    low, high = severities[before], severities[last]
+    found = low + share * (high - low)
+    if axis == LOG:
+        ends = np.where(low > 0, low, 1.0), np.where(high > 0, high, 1.0)
+        found = np.where(low > 0, ends[0] * (ends[1] / ends[0]) ** share, found)
+    return np.where(above.any(axis=-1), np.where(last == 0, severities[0], found), np.inf)
+
+
+def axis_of(severities: Sequence[float]) -> str:
+    """Return the axis on which errors between two severities are interpolated; severities: of one sign and 0."""
+    sizes = [abs(each) for each in severities if each]
+    return LOG if len(sizes) > 1 and max(sizes) >= SPAN * min(sizes) else LINEAR
+
+
+def drawn(seeds: int) -> np.ndarray:
+    """Return (DRAWS, seeds) places of the seeds of each draw, the same in every call."""
+    return np.random.default_rng(SEED).integers(0, seeds, (DRAWS, seeds))
+
+
+def walked(own: Runs) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield each direction of a test, its severities from 0 outwards, without their sign, errors and floors there."""
+    for direction, sign in ((UP, 1), (DOWN, -1)):
+        chosen = np.flatnonzero(sign * own.severities >= 0)
+        chosen = chosen[np.argsort(np.abs(own.severities[chosen]))]
+        if len(chosen) > 1:
+            yield direction, np.abs(own.severities[chosen]), own.errors[:, chosen], own.floor[:, chosen]
+
+
+def lost_at(severities: np.ndarray, errors: np.ndarray, floor: np.ndarray, usable: float) -> dict[str, float]:
+    """Return where half and all of the skill is lost, and where a model is no more usable, with the notes.
+
+    severities: (k,) from 0 outwards; errors, floor: (seeds, k). A level that is not reached has NaN, and the
+    note says beyond what.
+    """
+    axis = axis_of(severities)
+
+    def levels(curves: np.ndarray, constant: np.ndarray) -> dict[str, np.ndarray]:
+        shares = curves / constant
+        wanted = {"half": (shares[..., 0] + 1) / 2, "all": np.ones(shares.shape[:-1])}
+        found = {name: crossing(severities, shares, level, axis) for name, level in wanted.items()}
+        return found | {"fails": crossing(severities, curves, np.full(shares.shape[:-1], usable), axis)}
+
+    mean = levels(errors.mean(axis=0), floor.mean(axis=0))
+    found = {"axis": axis, "largest": severities[-1]}
+    for name, value in mean.items():
+        reached = np.isfinite(value)
+        found[f"{name}_at"] = float(value) if reached else np.nan
+        found[f"{name}_note"] = "" if reached else f"> {severities[-1]:g}"
+    ends = dict.fromkeys(LEVELS, (np.nan, np.nan))
+    if len(errors) >= FEWEST:
+        chosen = drawn(len(errors))
+        draws = levels(errors[chosen].mean(axis=1), floor[chosen].mean(axis=1))
+        tails = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
+        ends = {name: np.quantile(each, tails, method="inverted_cdf") for name, each in draws.items()}
+    for name in ("half", "all"):
+        found[f"{name}_low"], found[f"{name}_high"] = map(float, ends[name])
     return found
 
 
-def verdict(errors: Mapping[float, Estimate], floor: Mapping[float, Estimate] | None, usable: float) -> Verdict:
-    """Judge where a model with `errors` by severity fails; floor: those of `constant`, if it is among the models."""
-    clean = next(iter(errors.values())).mean
-    if not all(np.isfinite(seeds.mean) and not seeds.failed for seeds in errors.values()):
-        return Verdict(np.nan, np.nan, clean, np.nan, FAILED)
-    for step, (severity, seeds) in enumerate(errors.items()):
-        if floor and seeds.mean > floor[severity].mean:
-            return Verdict(severity, step, clean, seeds.mean, WORSE)
-        if seeds.mean > usable:
-            return Verdict(severity, step, clean, seeds.mean, UNUSABLE)
-    return Verdict(np.nan, np.nan, clean, seeds.mean, HOLDS)
+def _signed(found: dict, direction: str) -> dict:
+    """Return what `lost_at` found with the sign of the severities of a direction."""
+    if direction == UP:
+        return found
+    turned = {name: -found[name] for name in ("half_at", "all_at", "fails_at", "largest")}
+    for name in ("half", "all"):
+        turned |= {f"{name}_low": -found[f"{name}_high"], f"{name}_high": -found[f"{name}_low"]}
+    for name in LEVELS:
+        turned[f"{name}_note"] = f"< {-found['largest']:g}" if found[f"{name}_note"] else ""
+    return {**found, **turned}
 
 
-def relative(errors: Mapping[float, Estimate], floor: Mapping[float, Estimate] | None) -> float:
-    """Return the error over that of `constant`, mean over the perturbed severities; NaN where one is not known."""
-    if not floor:
-        return np.nan
-    perturbed = [severity for severity in errors if severity != 0]
-    return float(np.mean([errors[severity].mean / floor[severity].mean for severity in perturbed]))
+def usable_clean(clean: pd.DataFrame, experiment: str, usable: Mapping[str, float]) -> pd.DataFrame:
+    """Return columns UNUSABLE and `good` (bool), a row for each condition and model but `constant`.
 
-
-def failures(table: pd.DataFrame, experiment: str, usable: Mapping[str, float]) -> pd.DataFrame:
-    """Judge every condition, perturbation and model but `constant`: one row of FAILURES each.
-
-    usable: protocol -> the largest error that is.
+    clean: see `clean_errors`; usable: see `limit`. A model without a run that did not fail is not good.
     """
     rows = []
-    for tested_on, models in curves(table).items():
-        floor = models.get(FLOOR)
-        for model, errors in models.items():
+    for (protocol, condition), own in clean.groupby(["protocol", "condition"], sort=False):
+        errors = {model: each["error"] for model, each in own.groupby("model", sort=False)}
+        floor, most = errors.get(FLOOR, pd.Series(dtype=float)).mean(), limit(usable, protocol, condition)
+        for model, each in errors.items():
             if model != FLOOR:
-                last, judged = list(errors)[-1], verdict(errors, floor, usable[tested_on[0]])
-                worse = bool(floor) and any(errors[at].mean > floor[at].mean for at in errors)  # at any severity
-                ends = last, errors[last].mean, relative(errors, floor), worse
-                rows.append((experiment, *tested_on, model, *judged, *ends))
-    return pd.DataFrame(rows, columns=FAILURES)
+                mean, failed = each.mean(), int(each.isna().sum())
+                good = bool(mean <= most and mean < floor)
+                rows.append(
+                    (experiment, protocol, condition, model, mean, floor, most, len(each) - failed, failed, good)
+                )
+    return pd.DataFrame(rows, columns=[*UNUSABLE, "good"]).astype({"good": bool})
 
 
-def ranking(judged: pd.DataFrame) -> pd.Series:
-    """Return model -> relative error, mean over perturbations, the lowest first; judged: FAILURES of one condition."""
-    sound = judged.groupby("model")["relative"].filter(lambda values: values.notna().all()).index
-    return judged.loc[sound].groupby("model", sort=False)["relative"].mean().sort_values(kind="stable")
+def failures(
+    table: pd.DataFrame, clean: pd.DataFrame, experiment: str, usable: Mapping[str, float]
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Judge all models that are usable clean, a row of FAILURES for each test and direction; the others: UNUSABLE.
+
+    table: see `runs`; clean: see `clean_errors`; usable: see `limit`.
+    """
+    judged = usable_clean(clean, experiment, usable)
+    told = {(row.protocol, row.condition, row.model): row for row in judged.itertuples()}
+    rows = []
+    for (protocol, condition, test), models in groups(table):
+        unit = unit_of(test)
+        for model, own in models.items():
+            known = told.get((protocol, condition, model))
+            has_clean = 0 in own.severities
+            if model == FLOOR or (has_clean and not (known and known.good)):
+                continue
+            row = dict(zip(WHERE, (experiment, protocol, condition, test, model), strict=True))
+            row |= {"seeds": len(own.errors), "failed": own.failed, "budget": own.budget, "unit": unit}
+            row["usable"] = limit(usable, protocol, condition)
+            note = NO_CLEAN if not has_clean else NO_ORDER if unit.endswith(NAMES) else ""
+            if note:
+                notes = {f"{name}_note": note for name in LEVELS}
+                rows.append(row | notes | ({"clean": known.clean, "floor": known.floor} if has_clean else {}))
+                continue
+            row |= {"clean": known.clean, "floor": own.floor[:, own.severities == 0].mean()}
+            for direction, severities, errors, floor in walked(own) if len(own.errors) else ():
+                found = _signed(lost_at(severities, errors, floor, row["usable"]), direction)
+                rows.append(row | found | {"direction": direction, "start": errors[:, 0].mean()})
+    return pd.DataFrame(rows, columns=FAILURES), judged[~judged["good"]][UNUSABLE]
+
+
+def shares(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return, of each test and direction (rows), the share of its severities up to which models keep half their skill.
+
+    rows: of FAILURES of one condition; infinite where they keep it up to the largest. Severities of different tests
+    have no common unit, so that shares of the largest, what the settings think the worst, are compared.
+    """
+    known = rows[rows["largest"].notna()]
+    share = (known["half_at"] / known["largest"]).fillna(np.inf)
+    table = known.assign(share=share).pivot(index=["perturbation", "direction"], columns="model", values="share")
+    return table.loc[list(dict.fromkeys(zip(known["perturbation"], known["direction"], strict=True)))]
+
+
+def hardest(rows: pd.DataFrame) -> list[tuple[str, str]]:
+    """Return tests and directions, from the one that takes half of the skill of models first, by their median."""
+    table = shares(rows)
+    order = pd.DataFrame({"median": table.median(axis=1), "least": table.min(axis=1)}).round(
+        6
+    )  # last digits are no order
+    return list(order.sort_values(["median", "least"], kind="stable").index)
+
+
+class Better(NamedTuple):
+    """A model with less error than the one that is best clean, where that one has lost half of its skill."""
+
+    perturbation: str
+    direction: str
+    severity: float  # with its sign
+    model: str
+    error: float
+    of_best: float  # error of the model that is best clean
+    seeds: int
+
+
+def better(table: pd.DataFrame, rows: pd.DataFrame) -> list[Better]:
+    """Return where another model is to be taken than the one with the least clean error; see Better.
+
+    table: `runs` of one condition; rows: of FAILURES of it. Of the others that are usable clean the one with the least
+    mean error is asked; the interval over seeds of its difference must not hold 0. Fewer than FEWEST seeds tell none.
+    """
+    found, good = [], set(rows["model"])
+    curves = {test: models for (_, _, test), models in groups(table[table["model"].isin([*good, FLOOR])])}
+    best = rows.dropna(subset="clean").sort_values("clean", kind="stable")["model"].iloc[0]
+    for row in rows[(rows["model"] == best) & rows["half_at"].notna()].itertuples():
+        test, size = row.perturbation, abs(row.half_at)
+        errors = {
+            model: pd.Series(error_at(severities, each, size, row.axis))
+            for model, own in curves[test].items() if model in good
+            for direction, severities, each, _ in walked(own) if direction == row.direction and len(each)
+        }  # fmt: skip
+        other = min(errors, key=lambda model: errors[model].mean())
+        if other == best or len(errors[other]) != len(errors[best]):
+            continue
+        gain = estimate(errors[best] - errors[other])
+        if gain.low > 0:
+            means = errors[other].mean(), errors[best].mean()
+            found.append(Better(test, row.direction, row.half_at, other, *means, gain.runs))
+    return found
+
+
+def error_at(severities: np.ndarray, errors: np.ndarray, size: float, axis: str) -> np.ndarray:
+    """Return the error of each seed at a severity, between those that were tried as in `crossing`."""
+    after = int(np.clip(np.searchsorted(severities, size), 1, len(severities) - 1))
+    low, high = severities[after - 1], severities[after]
+    logarithmic = axis == LOG and low > 0
+    share = np.log(size / low) / np.log(high / low) if logarithmic else (size - low) / (high - low)
+    return errors[:, after - 1] + share * (errors[:, after] - errors[:, after - 1])
+
+
+def helped(plain: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
+    """Join rows of FAILURES of the models of `other`, of a variant, with those of the same models as in the tables.
+
+    Columns of the variant end in `_variant`; `ratio`: of the severities at which half of the skill is lost. It is NaN
+    where one of them is not reached.
+    """
+    on = [*WHERE, "direction", "unit"]
+    values = ["clean", "half_at", "half_low", "half_high", "half_note", "largest", "seeds"]
+    joined = plain[[*on, *values]].merge(other[[*on, *values]], on=on, suffixes=("", "_variant"))
+    joined = joined[joined["largest"].notna()]
+    return joined.assign(ratio=joined["half_at_variant"] / joined["half_at"]).reset_index(drop=True)
+
+
+def starts(rows: pd.DataFrame, experiment: str) -> pd.DataFrame:
+    """Return columns STARTS, a row for each network of an experiment; rows: of the one table.
+
+    A start is one training: a protocol and a seed, as in the tables, fully trained. It failed where it has no error in
+    some condition; it is worse where in some condition its error is above WORSE times the median of all seeds. third,
+    thrice: the error at that share of the learning rate over the one at the rate itself, geometric mean over seeds,
+    protocols and conditions, of variants trained as briefly; NaN where not computed, infinite where one failed.
+    """
+    own = as_error(rows, experiment)
+    own = own[own["budget"].eq(FULL) & own["variant"].fillna("").eq("")]
+    place = ["protocol", "condition"]
+    found = []
+    for model, each in own.groupby("model", sort=False):
+        median = each.groupby(place)["error"].transform("median")
+        each = each.assign(failed=each["error"].isna(), worse=each["error"] > WORSE * median)
+        by_start = each.groupby(["protocol", "seed"])[["failed", "worse"]].any()
+        ratios, seeds = _rates(rows, experiment, model)
+        counts = len(by_start), int(by_start["failed"].sum()), int((by_start["worse"] & ~by_start["failed"]).sum())
+        found.append((experiment, model, *counts, each["protocol"].nunique(), *ratios, seeds))
+    return pd.DataFrame(found, columns=STARTS)
+
+
+def _rates(rows: pd.DataFrame, experiment: str, model: str) -> tuple[tuple[float, float], int]:
+    """Return the error of a model at a third and at three times its learning rate over that at the rate, and seeds."""
+    own = as_error(rows, experiment)
+    own = own[(own["model"] == model) & own["variant"].fillna("").map(lambda name: bool(RATE.search(name)))]
+    if own.empty:
+        return (np.nan, np.nan), 0
+    times = own["variant"].map(lambda name: float(RATE.search(name)[1]))
+    errors = own.assign(times=times).pivot(index=["protocol", "condition", "seed"], columns="times", values="error")
+    ratios = []
+    for wanted in (THIRD, THRICE):
+        near = [at for at in errors if np.isclose(at, wanted, rtol=0.05)]
+        logs = np.log(errors[near[0]] / errors[1.0]) if near and 1.0 in errors else pd.Series(dtype=float)
+        mean = np.exp(logs.mean()) if logs.notna().all() else np.inf
+        ratios.append(float(mean) if len(logs) else np.nan)
+    return (ratios[0], ratios[1]), int(own["seed"].nunique())

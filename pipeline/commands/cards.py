@@ -16,7 +16,7 @@ from pipeline.inference import card as cards
 from pipeline.inference import intervals
 from pipeline.reporting.words import labels
 from pipeline.reporting.words.templates import render
-from pipeline.scoring import conformal, one_table, results, shards
+from pipeline.scoring import conformal, results, shards, shown
 from pipeline.scoring.claim_inputs import FULL
 
 TOGETHER = "all objects"
@@ -29,7 +29,7 @@ def card_of(workspace: Workspace, folder: Path) -> str:
     metric = facts(card.experiment).metric
     lower, factor, unit = metric != "accuracy", factor_of(metric), facts(card.experiment).output_unit
     measure = f"{labels.MEASURES[metric]} in {unit if lower else '%'}"
-    kept = one_table.Results(shards.read(workspace).assign(**{one_table.WHOLE: False}))
+    kept = shown.evidence(workspace)
     rows = []
     for score in card.scores:
         if score.metric != metric or score.value is None:

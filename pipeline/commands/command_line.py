@@ -120,7 +120,7 @@ def main() -> None:
     if odd := next((word for word in sys.argv[1:] if "\0" in word), None):
         print(f"error: {ascii(odd)}: no name of a file or folder has a NUL character; give another", file=sys.stderr)
         sys.exit(2)
-    if arguments.QUIET & set(sys.argv[2:]):
+    if arguments.QUIET & set(sys.argv[2:]) or not sys.stderr.isatty():  # in a file a bar is a line of every step of it
         os.environ["TQDM_DISABLE"] = "1"  # read when tqdm is imported
     try:
         given = parser_of([name]).parse_args(sys.argv[1:] or [name])

@@ -37,7 +37,9 @@ FACTS = Facts(
     output_unit="probability",
     metric="accuracy",
     compared=("grasp_combined",),
-    score="main/combined.macro_precision",
+    first_tested=("grasp_combined", "combined"),
+    drawn=("grasp_pressure", "grasp_strain", "grasp_combined"),
+    score="errors/combined.macro_precision",
     sheet="hand",
     tested={
         ("grasp_pressure", "pressure"): "pressure",

@@ -22,6 +22,9 @@ FACTS = Facts(
     metric="error",
     compared=("task_2",),
     score="main/task_2.error",
+    first_tested=("task_1", "task_1"),
+    drawn=("task_1", "task_2"),
+    seeds="fingers",
     sheet="strands",
     log="daq.log",
     truth=("robot.log",),
@@ -29,7 +32,12 @@ FACTS = Facts(
     sensor=("sensor.channels", "sensor.unit"),
     panels=(Panel("Voltage (V)", r"daq", r"u\d+"), Panel("Place (mm)", r"robot", r"[xyz]_mm")),
     quick=("constant", "ridge", "window_ridge", "window_trees", "press_difference", "lstm_direct"),
-    paper=Paper("latent", "error", "test error", 1),
+    paper=Paper(
+        *("latent", "error", "test error", 1),
+        conditions={"task_1": "Task 1", "task_2": "Task 2"},
+        splits={"{condition}": "split by time"},
+        epochs=200,
+    ),
     first="run000",
     twin=Twin("strain_recorded", "Strain: the recorded strands and the finger's"),
     purpose={

@@ -29,6 +29,9 @@ FACTS = Facts(
     metric="rmse",
     compared=("random_window", "press"),
     score="main/double.rmse",
+    first_tested=("press", "double"),
+    drawn=("press",),
+    seeds="arrays",
     sheet="array",
     tested={
         ("press", "single"): "single touches",
@@ -54,7 +57,11 @@ FACTS = Facts(
         Panel("Place (mm)", r"cnc.*", r"[xy]_mm"),
     ),
     quick=("constant", "window_ridge", "window_trees", "rbf", "lomp"),
-    paper=Paper("lomp", "rmse", "RMSE", 1),
+    paper=Paper(
+        *("lomp", "rmse", "RMSE", 1),
+        conditions={"single": "One touch", "double": "Two touches"},
+        splits={"random_window": "random windows, the paper's split", "press": "split by press"},
+    ),
     twin=Twin("velostat_recorded", "Touch: the recorded Velostat taxel and the array's element"),
     purpose={"line_faults": "ingest is there for torn, doubled, missing and swapped lines and resets"},
     shown={

@@ -23,6 +23,7 @@ from pipeline.learning.regressors import Spec, TorchRegressor
 from pipeline.learning.series_regressors import Windowed
 from pipeline.learning.trained import Trained
 from pipeline.scoring import conformal, metrics
+from pipeline.tasks import series as tasks_series
 from pipeline.tasks import windows
 
 CALIBRATED, TESTED = "validation", "test"
@@ -268,7 +269,8 @@ def _without_validation(values: Mapping, card: cards.Card, pieces: list[series.P
             training = record.training.copy()
             training[np.flatnonzero(record.counted)[-1]] = False  # fit() wants a sample to report a loss of
             records.append(record._replace(training=training))
-    model.fit(records, seed=card.seed, device=values["device"], base=None)
+    known = tasks_series.known(model, records, values[card.experiment])
+    model.fit(records, seed=card.seed, device=values["device"], base=None, **known)
     return model
 
 

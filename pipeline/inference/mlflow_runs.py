@@ -1,8 +1,10 @@
 """Log results as runs of MLflow, from files alone: means over seeds of the evidence, and each training of the look.
 
-A run is known by its content, a digest of settings, scores and weights. So a second call logs nothing, and a changed
-result is a new run. No run is ever deleted or changed, but for its tags `current` ("true" where the last call found its
-content among the results) and `shown` (of the budget whose numbers the reports show). Times are no part of the content.
+A run is known by its content, a digest of settings, scores, and shards or weights. So a second call logs nothing, and a
+changed result is a new run. No run is ever deleted or changed, but for its tags `current` ("true" where the last call
+found its content among the results), `shown` (of the budget whose numbers the reports show), `compared` (of these the
+one that stands for its model on a protocol) and `readme` (with a number in README.md beside a paper's), of which
+pipeline/scoring/shown.py tells. Times are no part of the content.
 """
 
 import hashlib
@@ -30,8 +32,9 @@ from pipeline.experiments import facts
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_store
 from pipeline.reporting.words import labels
-from pipeline.scoring import one_table, published, results, shards, units
+from pipeline.scoring import one_table, published, results, shards, shown, units
 from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
+from pipeline.scoring.one_table import TRAIN_S, Results
 
 CODE = paths.CODE / "inference" / "mlflow_model.py"
 # What a loaded model imports, and pandas, which MLflow hands it tables with. MLflow finds this out in seconds a model.
@@ -44,15 +47,19 @@ CURVES = ("train_loss", "validation_loss", "learning_rate")
 COUNTS = ("best_epoch", "epochs", "parameters", "macs")
 PER_CALL = 1000  # metrics that MLflow takes at once
 NOTE = "mlflow.note.content"  # the tag that MLflow shows as the description of a run or an experiment
-ERRORS = (".rmse", ".error", ".macro_precision", ".accuracy")  # how the names end of what models are compared by
-OF, SCORE = ["experiment", "model", "protocol", "budget"], ["condition", "metric", "unit"]
-NO_EPOCHS = "none"  # budget of a model that is not trained in epochs
-ABOUT = (
-    "a run per model, protocol and budget of training (`full`, `half`), the mean over seeds of the committed evidence; "
-    "and where `dvc repro` was run, one per training of it (budget `look`). `main/<condition>.<metric>` is a score on "
-    "the test part in the unit of the tag `unit.<metric>`, `published/` what the paper prints, in that unit, on its "
-    "own split, `seeds/` each seed's score, with the seed as the step. The duration is that of training."
+ERRORS = tuple(f".{metric}" for metric in shown.COMPARED)  # how the names end of what models are compared by
+SCORE = ["condition", "metric", "unit"]
+NONE = (
+    "none"  # variant of the models in the tables; budget of models without epochs, and of variants of their own recipe
 )
+ABOUT = (
+    "a run per model, protocol, variant and budget of training (`full`, `half`), the mean over seeds of the committed "
+    "evidence; and where `dvc repro` was run, one per training of it (budget `look`). `main/<condition>.<metric>` is a "
+    "score on the test part in the unit of the tag `unit.<metric>`, `errors/` what a share lacks to 1, `published/` "
+    "what the paper prints, in the score's unit, on its own split, `seeds/` each seed's score, with the seed as the "
+    "step. The duration is that of training. `readme` is true for what stands in README.md beside a paper's numbers."
+)
+MARKS = ("current", "shown", "compared", "readme")  # tags of runs that a later call may change
 NOT_TAKEN = re.compile(r"[^\w.\- ]")  # letters that MLflow does not take in a metric's name
 
 
@@ -82,42 +89,83 @@ def _run(experiment: str, of: Mapping[str, str], seeds: str, content: list, scor
             points[f"published/{base}"] = printed
     identity = [experiment, *of.values(), seeds, *content, points]
     tags["content"] = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
-    label = labels.model_name(of["model"])
-    budget = [f"{of['budget']} budget"] * (of["budget"] in (HALF, FULL))
-    name = ", ".join([label, of["protocol"], *budget, seeds])
-    settings = {**of, "model": label}
-    listed = [(key, value, 0) for key, value in points.items()]
-    return Run(name, tags | of | {"experiment": experiment}, settings, listed, more.pop("train_s"), **more)
+    shares = {name: x for name, x in points.items() if results.scale_of(name.rpartition(".")[2]) == results.SHARE}
+    lacking = {f"errors/{name[5:]}": 1 - x for name, x in shares.items() if name.startswith("main/")}
+    label, variant = labels.model_name(of["model"]), of.get("variant", NONE)
+    told = [label, of["protocol"], *[variant] * (variant != NONE)]
+    name = ", ".join([*told, *[f"{of['budget']} budget"] * (of["budget"] in (HALF, FULL)), seeds])
+    settings = {**of, "variant": variant, "model": label}
+    listed = [(key, value, 0) for key, value in {**points, **lacking}.items()]
+    return Run(name, tags | of | {"variant": variant, "experiment": experiment}, settings, listed, **more)
 
 
-def evidence(workspace: Workspace) -> dict[str, list[Run]]:
-    """Return the committed results of each experiment, of a model, protocol and budget the mean over seeds."""
-    rows = shards.read(workspace).fillna({"variant": "", "budget": NO_EPOCHS})
+def evidence(workspace: Workspace, kept: Results) -> dict[str, list[Run]]:
+    """Return the committed results of each experiment, of what a training is of (shown.OF) the mean over seeds.
+
+    kept: of shown.evidence. Commit, machines and curves are those of the shards that the numbers are of.
+    """
+    rows, index = kept.table, shards.table(shards.folder(workspace) / "index.csv", shards.INDEX)
     if rows.empty:
         return {}
-    sets = {name: each for name, each in shards.read_sets(workspace).items() if not (each.study or each.variant)}
-    times = shards.table(shards.folder(workspace) / "times.csv", shards.TIMES).astype({"train_s": float})
-    named = [name.rsplit("-", 2) for name in times["shard"]]  # set, seed, budget
-    times["experiment"] = [sets[name].experiment if name in sets else "" for name, *_ in named]
-    times["budget"] = [budget for *_, budget in named]
-    trained = pd.concat([times, times.assign(budget=NO_EPOCHS)]).groupby(OF)["train_s"].mean()
-    rows = rows[(rows["variant"] == "") & ~rows["metric"].str.endswith(units.SUFFIX)]
-    of_runs = rows.groupby([*OF, *SCORE], sort=False)["value"]
-    means = [(*key, results.estimate(runs, results.scale_of(key[-2])).mean) for key, runs in of_runs]
-    means = dict(list(pd.DataFrame(means, columns=[*OF, *SCORE, "value"]).groupby(OF)))
+    sets, curves = shards.read_sets(workspace), dict(list(shown.curves(workspace, index["shard"]).groupby("shard")))
+    timed = shards.trainings(workspace).rename(columns={TRAIN_S: "value"})
+    times = dict(list(timed.groupby(["experiment", "protocol", "model"])))
+    rows = rows[(rows["metric"] != TRAIN_S) & ~rows["metric"].str.endswith(units.SUFFIX)]
     runs: dict[str, list[Run]] = {}
-    for key, group in rows.groupby(OF):
+    for key, group in rows.groupby(shown.OF):
+        if not group["metric"].isin(shown.COMPARED).any():  # a property of the data, not a model
+            continue
+        of = {name: value or NONE for name, value in zip(shown.OF, key, strict=True)}
+        experiment, origin = of.pop("experiment"), shown.origin(index, group["shard"])
+        changed = shown.changed(sets, origin.shards, of["model"], key[3])
+        settings = {name: " or ".join(sorted(each)) for name, each in changed.items()}
         each = [(row.condition, row.metric, int(row.seed), row.value) for row in group.itertuples()]
-        count, of = group["seed"].nunique(), dict(zip(OF[1:], key[1:], strict=True))
-        seeds = f"{count} seed{'s' * (count > 1)}"
-        run = _run(key[0], of, seeds, sorted(each), means[key], train_s=float(trained.get(key, np.nan)))
+        means = [
+            (*at, results.estimate(values, results.scale_of(at[1])).mean)
+            for at, values in group.groupby(SCORE, sort=False)["value"]
+        ]
+        count = group["seed"].nunique()
+        said = f"{count} seed{'s' * (count > 1)}"
+        timed_on, train_s = _timed(times.get((experiment, of["protocol"], of["model"])), origin)
+        content, scores = [sorted(each), settings, origin], pd.DataFrame(means, columns=[*SCORE, "value"])
+        run = _run(experiment, of, said, content, scores, train_s=train_s)
+        run.params.update((name, value) for name, value in settings.items() if name not in run.params)
+        names = {"git_commit": origin.commits, "machine": origin.machines, "shards": origin.shards}
+        names["timed_on"] = timed_on
+        run.tags.update({name: "; ".join(found) for name, found in names.items() if found})
         failed = group[group["value"].isna()]["seed"].nunique()
         run.points.extend([("more/seeds", count, 0), ("more/failed_seeds", failed, 0)])
+        run.points.extend([(f"more/{TRAIN_S}", train_s, 0)] * bool(np.isfinite(train_s)))
         of_seeds = [(f"seeds/{NOT_TAKEN.sub('_', at)}.{metric}", x, seed) for at, metric, seed, x in each]
         run.points.extend(point for point in of_seeds if point[0].endswith(ERRORS))
-        if any(name.startswith("main/") for name, *_ in run.points):  # a model, not a property of the data
-            runs.setdefault(key[0], []).append(run)
+        run.points.extend(_curve([curves[name] for name in origin.shards if name in curves], of))
+        runs.setdefault(experiment, []).append(run)
     return runs
+
+
+def _timed(times: pd.DataFrame | None, origin: shown.Origin) -> tuple[list[str], float]:
+    """Return the machine that did most of the trainings of shards, and the mean of its seconds; NaN where none is kept.
+
+    times: rows of metric TRAIN_S, with their machine. The seconds of two machines, a core and a card, have no mean.
+    """
+    own = pd.DataFrame(columns=["machine", "value"]) if times is None else times[times["shard"].isin(origin.shards)]
+    most = own["machine"].mode()[:1]
+    return [*most], float(own[own["machine"].isin(most)]["value"].mean())
+
+
+def _curve(kept: list[pd.DataFrame], of: Mapping[str, str]) -> Iterator[tuple[str, float, int]]:
+    """Yield the losses of a model by epoch, the mean over its seeds, at the epochs that all of them have.
+
+    kept: tables of shown.curves. A loss for each seed would be five times the points, in charts of 20 lines a model.
+    """
+    if not kept:
+        return
+    table = pd.concat(kept)
+    table = table[(table["model"] == of["model"]) & (table["protocol"] == of["protocol"])]
+    of_epoch = table.groupby("epoch")
+    whole = of_epoch["seed"].nunique() == table["seed"].nunique()
+    for row in of_epoch[shown.CURVES].mean()[whole].itertuples():
+        yield from ((loss, float(getattr(row, loss)), int(row.Index)) for loss in shown.CURVES)
 
 
 def look(workspace: Workspace, experiment: str, values: Mapping) -> Iterator[Run]:
@@ -167,9 +215,10 @@ def track(workspace: Workspace, values: dict) -> None:
     Raises InputError if a file is missing or was made with other settings (nothing is logged then), or the store
     cannot be used.
     """
-    committed, runs, looked = evidence(workspace), {}, []
+    kept = shown.evidence(workspace, one_table.of_own_logs(values))
+    committed, runs, looked = evidence(workspace, kept), {}, []
     for experiment in values["experiments"]:
-        runs[experiment] = [] if experiment in one_table.of_own_logs(values) else committed.get(experiment, [])
+        runs[experiment] = committed.get(experiment, [])
         if not (workspace.ingest_report(experiment).exists() or workspace.models(experiment).exists()):
             continue
         if reason := why_not_run(workspace, experiment):
@@ -183,14 +232,17 @@ def track(workspace: Workspace, values: dict) -> None:
             if not of_experiment:
                 print(f"{experiment}: no shard of the evidence, nor trained here, so nothing to track")
                 continue
-            new, link = log(workspace, client, experiment, values, of_experiment)
+            new, link = log(workspace, client, experiment, values, of_experiment, kept)
             print(f"{experiment}: {new} of {len(of_experiment)} runs are new in MLflow; compare them at {link}")
 
 
-def log(workspace: Workspace, client, experiment: str, values: Mapping, runs: list[Run]) -> tuple[int, str]:
+def log(
+    workspace: Workspace, client, experiment: str, values: Mapping, runs: list[Run], kept: Results
+) -> tuple[int, str]:
     """Log those of `runs` that the store lacks, and mark all of them as the current ones.
 
-    client: MlflowClient. Return the number of new runs, and the link that compares the models by their main score.
+    client: MlflowClient; kept: of shown.evidence. Return the number of new runs, and the link that compares the models
+    by their main error.
     """
     in_mlflow = mlflow_store.experiment_id(workspace, client, experiment)
     held, token = [], ""
@@ -202,36 +254,47 @@ def log(workspace: Workspace, client, experiment: str, values: Mapping, runs: li
             client.set_terminated(run.info.run_id, "KILLED")
     known = {run.data.tags["content"]: run.info.run_id for run in held if run.info.status == "FINISHED"}
     new = [run for run in runs if run.tags["content"] not in known]
-    known |= _write(workspace, client, in_mlflow, experiment, values, runs, new)
-    marks = {known[run.tags["content"]]: _marks(run, runs) for run in runs}
+    marks = _marks(experiment, runs, kept)
+    known |= _write(workspace, client, in_mlflow, experiment, values, new, marks)
+    of_id = {known[content]: tags for content, tags in marks.items()}
     for run in held:  # after the new ones are complete
-        for tag, mark in marks.get(run.info.run_id, {"current": "false", "shown": "false"}).items():
+        for tag, mark in of_id.get(run.info.run_id, dict.fromkeys(MARKS, "false")).items():
             if run.data.tags.get(tag) != mark:
                 client.set_tag(run.info.run_id, tag, mark)
     protocols, score = facts(experiment).compared, facts(experiment).score
     protocol = next((at for at in protocols if any(run.tags["protocol"] == at for run in runs)), "")
     first = next((run for run in runs if run.tags["protocol"] == protocol), runs[0])
     score = score if score in [name for name, _, _ in first.points] else first.points[0][0]
-    ascending = results.scale_of(score.rpartition(".")[2]) in (results.PLAIN, results.LOG)
-    return len(new), mlflow_store.link(in_mlflow, first.tags["protocol"], score, ascending)
+    less = score.startswith("errors/") or results.scale_of(score.rpartition(".")[2]) in (results.PLAIN, results.LOG)
+    return len(new), mlflow_store.link(in_mlflow, first.tags["protocol"], score, less)
 
 
-def _marks(run: Run, runs: list[Run]) -> dict[str, str]:
-    """Return the tags that say how a run stands among the present ones."""
-    there = {other.tags["budget"] for other in runs if other.tags["protocol"] == run.tags["protocol"]}
-    shown = next((budget for budget in (FULL, HALF) if budget in there), LOOK)
-    wanted = shown != LOOK and run.tags["budget"] == NO_EPOCHS or run.tags["budget"] == shown
-    return {"current": "true", "shown": str(wanted).lower()}
+def _marks(experiment: str, runs: list[Run], kept: Results) -> dict[str, dict[str, str]]:
+    """Return content -> the tags MARKS of runs: what people are shown of the present ones; kept: of shown.evidence."""
+    in_readme, marks = shown.readme(kept, experiment), {}
+    for run in runs:
+        of = ["" if run.tags[name] == NONE else run.tags[name] for name in shown.OF]
+        _, protocol, model, variant, budget = of
+        in_tables = shown.is_shown(kept, experiment, protocol, variant, budget)
+        stands = budget == LOOK or variant == shown.variant_of(experiment, protocol, model)
+        said = (True, in_tables, in_tables and stands, tuple(of) in in_readme)
+        marks[run.tags["content"]] = dict(zip(MARKS, (str(each).lower() for each in said), strict=True))
+    return marks
 
 
-def _write(workspace: Workspace, client, in_mlflow: str, experiment: str, values: Mapping, runs, new) -> dict[str, str]:
-    """Log the runs `new` of `runs`; return content -> id. A run is FINISHED only when all of it has been logged."""
+def _write(
+    workspace: Workspace, client, in_mlflow: str, experiment: str, values: Mapping, new: list[Run], marks: Mapping
+) -> dict[str, str]:
+    """Log the runs `new`; return content -> id. A run is FINISHED only when all of it has been logged.
+
+    marks: see `_marks`. Only a training of this machine is of the commit that is checked out.
+    """
     from mlflow.entities import Metric, Param  # here, because mlflow_store says first how MLflow starts
 
     commit, changed = provenance.git_state(workspace)
-    shared = {"git_commit": commit, "git_changed": changed}
+    here = {"git_commit": commit, "git_changed": changed}
     if "DVC_EXP_NAME" in os.environ:
-        shared["dvc_experiment"] = os.environ["DVC_EXP_NAME"]
+        here["dvc_experiment"] = os.environ["DVC_EXP_NAME"]
     name, written = labels.experiment_name(experiment), {}
     if new:
         client.set_experiment_tag(in_mlflow, NOTE, f"{name}: {ABOUT}")
@@ -242,9 +305,8 @@ def _write(workspace: Workspace, client, in_mlflow: str, experiment: str, values
             lasts = 0 if np.isnan(run.train_s) else round(1000 * run.train_s)
             folder, told = models.draft(run) if run.folder else (None, [])
             note = "\n\n".join([f"{run.name} ({name}).", *told])
-            run_id = client.create_run(
-                in_mlflow, now - lasts, run.tags | shared | _marks(run, runs) | {NOTE: note}, run.name
-            ).info.run_id
+            tags = run.tags | (here if run.folder else {}) | marks[run.tags["content"]] | {NOTE: note}
+            run_id = client.create_run(in_mlflow, now - lasts, tags, run.name).info.run_id
             # a diverged fit ends in a NaN, which no chart can draw; `stop_reason` says it
             points = [Metric(key, x, now, step) for key, x, step in run.points if np.isfinite(x) or key not in CURVES]
             settings = [Param(key, value) for key, value in run.params.items()]

@@ -89,13 +89,13 @@ def experiment_id(workspace: Workspace, client: MlflowClient, name: str) -> str:
 
 
 def link(experiment: str, protocol: str, metric: str, ascending: bool) -> str:
-    """Return the address at which MLflow compares the current runs of a protocol in charts, sorted by a metric.
+    """Return the address at which MLflow compares the current models of a protocol in charts, sorted by a metric.
 
     experiment: MLflow's id. The address says `machine_learning` because MLflow 3 else opens its view of generative AI.
     """
     query = {
         "workflowType": "machine_learning",
-        "searchFilter": f"tags.current = 'true' and tags.shown = 'true' and tags.protocol = '{protocol}'",
+        "searchFilter": f"tags.current = 'true' and tags.compared = 'true' and tags.protocol = '{protocol}'",
         "orderByKey": f"metrics.`{metric}`",
         "orderByAsc": str(ascending).lower(),
         "compareRunsMode": "CHART",

@@ -7,8 +7,10 @@ import torch
 from torch import nn
 
 from pipeline.base.errors import InputError
+from pipeline.datasets.levels import Levels
 from pipeline.datasets.series import Record
 from pipeline.learning import cost, weights
+from pipeline.learning.faults import FaultDraws, drawing
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Scaling, ridge_weights
 from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, new_network, run_epochs, solved
@@ -64,13 +66,21 @@ class LstmRegressor:
         self.state = None
 
     def fit(
-        self, records: list[Record], *, seed: int, device: str = "auto", progress: Progress = None, base: Path | None
+        self,
+        records: list[Record],
+        *,
+        seed: int,
+        device: str = "auto",
+        progress: Progress = None,
+        base: Path | None,
+        levels: Levels | None = None,
     ) -> list[dict]:
         """Train; `base` is the folder that model-0 was saved in, for transfer.
 
         The recipe has nothing to stop or select by, so the validation part is trained on too: 24,000 samples
-        of 30,000, as published. Returns one row per epoch (losses in mm squared). Raises InputError for transfer
-        without model-0, or from a model-0 of another number of channels.
+        of 30,000, as published. Returns one row per epoch (losses in mm squared). levels: what readings were in
+        training, for one with faults, whose validation loss is of readings without. Raises InputError for transfer
+        without model-0, or from a model-0 of another number of channels, and for faults without levels.
         """
         self.scaling = Scaling.of_training(records)
         units = self.network.lstm.hidden_size
@@ -94,18 +104,26 @@ class LstmRegressor:
             for record in records
         ]
         forward = self.network
-        if self.transfer:  # frozen states: computed once
+        faults = drawing(self, levels, seed, place, self.scaling.x_mean, self.scaling.x_spread)
+        if self.transfer and not faults:  # frozen states: computed once
             with torch.no_grad():
                 parts = [[self.network.latent(x)[0], *others] for x, *others in parts]
             forward = self.network.readout
-        else:
+        elif not self.transfer:
             parts = [[_streams(column, self.training.streams) for column in part] for part in parts]
         order = torch.Generator().manual_seed(seed)
-        history = self._solve(parts) if self.ridge is not None else self._train(forward, parts, order, progress)
+        history = self._solve(parts) if self.ridge is not None else self._train(forward, parts, order, faults, progress)
         self.network.to("cpu")
         return history
 
-    def _train(self, forward: nn.Module, parts: list[list], order: torch.Generator, progress: Progress) -> list[dict]:
+    def _train(
+        self,
+        forward: nn.Module,
+        parts: list[list],
+        order: torch.Generator,
+        faults: FaultDraws | None,
+        progress: Progress,
+    ) -> list[dict]:
         """Train `forward` by the recipe; parts: inputs, targets, counted and validation masks of each record."""
         t = self.training
         trained = [weight for weight in self.network.parameters() if weight.requires_grad]
@@ -118,13 +136,18 @@ class LstmRegressor:
             for part in parts:
                 for chosen in torch.randperm(len(part[0]), generator=order).to(part[0].device).split(t.batch):
                     x, y, counted, held = (column[chosen] for column in part)
-                    error = (forward(x) - y).square().mean(2)
+                    seen = faults.changed(x, faults.drawn(len(x)).to(x.device)) if faults else x
+                    error = (forward(seen) - y).square().mean(2)
+                    of_held = error.detach()
+                    if faults and held.any():
+                        with torch.no_grad():
+                            of_held = (forward(x) - y).square().mean(2)
                     optimiser.zero_grad()
                     (error[counted].sum() / max(1, int(counted.sum()))).backward()
                     nn.utils.clip_grad_norm_(trained, t.clip)
                     optimiser.step()
                     total += float(error.detach()[counted].sum()) / samples
-                    validation += float(error.detach()[held].sum())
+                    validation += float(of_held[held].sum())
                     held_samples += int(held.sum())
             schedule.step()
             return Epoch(total * unit, validation / held_samples * unit if held_samples else None, rate)

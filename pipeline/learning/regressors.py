@@ -9,7 +9,8 @@ import torch
 from torch import nn
 
 from pipeline.base.errors import InputError
-from pipeline.learning import cost, weights
+from pipeline.datasets.levels import Levels
+from pipeline.learning import cost, faults, weights
 from pipeline.learning.training import (
     BETAS,
     Epoch,
@@ -83,6 +84,7 @@ class TorchRegressor:
         self.training = training
         self.summary: FitSummary | None = None
         self.precision: str | None = None  # of products in the last fit
+        self.faults: faults.FaultDraws | None = None  # of the last fit
         untrained = new_network(make_network, 0).eval()
         self.scaled = Scaled(untrained, torch.zeros(spec.elements), torch.ones(spec.elements), torch.ones(()))
 
@@ -99,6 +101,7 @@ class TorchRegressor:
         seed: int,
         device: str = "auto",
         progress: Progress = None,
+        levels: Levels | None = None,
     ) -> list[dict]:
         """Train with Adam on the mean squared error of the map and keep the weights of the best epoch.
 
@@ -108,7 +111,8 @@ class TorchRegressor:
         says how the fit ended. Normalisation uses the training part only; labels are divided by the largest one, so
         that a network starts near the truth of a sensor that is mostly at rest. The result depends only on data,
         settings and `seed` (on one CPU thread, bit for bit). A loss that is not finite ends the training as 'diverged'.
-        Raises InputError for arrays of the wrong shape.
+        levels: what readings were in training, which a training with faults needs. Raises InputError for arrays of the
+        wrong shape, and for such a training without levels.
         Differs from paper: the loss is the mean over the map instead of the sum of eq. 7; the constant factor 400
         drops out of Adam's update, and losses of different map sizes compare.
         Differs from paper: it gives no number of epochs, no stopping rule and one learning rate, 1e-3; here each
@@ -119,13 +123,20 @@ class TorchRegressor:
         check_windows(self.spec, validation, "validation")
         place = device_of(device)
         with stream_on(place):
-            return self._fit_on(place, train, validation, seed, progress)
+            return self._fit_on(place, train, validation, seed, progress, levels)
 
     def _fit_on(
-        self, place: torch.device, train: Windows, validation: Windows, seed: int, progress: Progress
+        self,
+        place: torch.device,
+        train: Windows,
+        validation: Windows,
+        seed: int,
+        progress: Progress,
+        levels: Levels | None,
     ) -> list[dict]:
         self._begin(seed, place)
         mean, spread = map(torch.from_numpy, input_scale(train[0]))
+        self.faults = faults.drawing(self, levels, seed, place, mean, spread)
         output_scale = float(np.abs(train[1]).max()) or 1.0
         self.scaled = Scaled(self.network, mean, spread, torch.tensor(output_scale, dtype=torch.float32))
         parts = self._normalised(train, place), self._normalised(validation, place)
@@ -173,23 +184,40 @@ class TorchRegressor:
         total = torch.zeros((), device=x.device)
         windows = self._of_an_epoch(y, order).to(x.device)
         for first, batch in batches(windows, self.training.batch_size):
-            (loss,) = update((first + len(batch) / 2) / len(windows), batch)
+            (loss,) = update((first + len(batch) / 2) / len(windows), batch, self._drawn_faults(len(batch)))
             total += loss * len(batch)
         return float(total) / len(windows)
 
     def update(
-        self, train: tuple[torch.Tensor, ...], descend: Callable[..., torch.Tensor], batch: torch.Tensor
+        self,
+        train: tuple[torch.Tensor, ...],
+        descend: Callable[..., torch.Tensor],
+        batch: torch.Tensor,
+        drawn: torch.Tensor | None = None,
     ) -> tuple[torch.Tensor, ...]:
         """Make one update on a batch (n,) of the normalised training part; return (mean loss,).
 
-        `descend(losses)` makes a step of the optimiser on the sum of losses, and returns the sum.
+        `descend(losses)` makes a step of the optimiser on the sum of losses, and returns the sum. drawn: faults of the
+        batch, as `FaultDraws.drawn` gives them.
         """
         x, y = train
+        inputs = (
+            (rows, self._with_faults(x[rows], None if drawn is None else drawn[first : first + len(rows)]))
+            for first, rows in batches(batch, self.chunk)
+        )
         losses = (
-            nn.functional.mse_loss(self._trained_output(x[rows]), y[rows]) * (len(rows) / len(batch))
-            for rows in batch.split(self.chunk)
+            nn.functional.mse_loss(self._trained_output(seen), y[rows]) * (len(rows) / len(batch))
+            for rows, seen in inputs
         )
         return (descend(losses),)
+
+    def _drawn_faults(self, n: int) -> torch.Tensor | None:
+        """Return the faults of the n examples of the next batch, None in a training without faults."""
+        return self.faults and self.faults.drawn(n)
+
+    def _with_faults(self, x: torch.Tensor, drawn: torch.Tensor | None) -> torch.Tensor:
+        """Return normalised x (n, frames, elements) with the faults that are drawn for it, if there are any."""
+        return x if drawn is None else self.faults.changed(x, drawn)
 
     def _begin(self, seed: int, place: torch.device) -> None:
         """Draw the network's first weights, and choose the precision of its products on the device `place`."""

@@ -14,6 +14,7 @@ from torch import nn
 
 from pipeline.base import foreign
 from pipeline.base.errors import InputError
+from pipeline.datasets.levels import Levels
 from pipeline.datasets.series import Record, Task
 from pipeline.learning import weights
 from pipeline.learning.estimators import SklearnRegressor
@@ -174,11 +175,19 @@ class Windowed:
         return self.inner.summary
 
     def fit(
-        self, records: list[Record], *, seed: int, device: str = "auto", progress: Progress = None, base=None
+        self,
+        records: list[Record],
+        *,
+        seed: int,
+        device: str = "auto",
+        progress: Progress = None,
+        base=None,
+        levels: Levels | None = None,
     ) -> list[dict]:
         """Fit the window model on all windows that end at a counted sample; return its history.
 
-        A network, which stops by validation, is fitted to windows of the training part alone.
+        A network, which stops by validation, is fitted to windows of the training part alone. levels: in V, for a
+        training with faults.
         """
         windows = [self._windows(record.x) for record in records]
         stops = isinstance(self.inner, TorchRegressor)
@@ -193,7 +202,8 @@ class Windowed:
             )
             for k in (0, 1)
         )
-        return self.inner.fit(train, validation, seed=seed, device=device, progress=progress)
+        further = {} if levels is None else {"levels": levels.times(MILLIVOLT)}
+        return self.inner.fit(train, validation, seed=seed, device=device, progress=progress, **further)
 
     def _windows(self, x: np.ndarray) -> np.ndarray:
         """Return the windows (T, frames, channels) in mV that end at each of the samples x (T, channels) in V."""

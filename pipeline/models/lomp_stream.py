@@ -91,10 +91,11 @@ class StreamingLomp(LompRegressor):
         chains = streams(previous)
         total, seen = torch.zeros((), device=x.device), 0
         for _, batch in batches(torch.randperm(len(chains), generator=order), self.training.batch_size):
-            state = None
+            state, drawn = None, self._drawn_faults(len(batch))  # of whole presses, the longest first
             for windows in turns([chains[k] for k in batch.tolist()]):
                 before = None if state is None else state[:, : len(windows)]
-                loss, state = update((seen + len(windows) / 2) / len(x), windows.to(x.device), before)
+                faults = None if drawn is None else drawn[: len(windows)]
+                loss, state = update((seen + len(windows) / 2) / len(x), windows.to(x.device), before, faults)
                 total += loss * len(windows)
                 seen += len(windows)
         return float(total) / len(x)
@@ -105,11 +106,15 @@ class StreamingLomp(LompRegressor):
         descend: Callable[..., torch.Tensor],
         windows: torch.Tensor,
         state: torch.Tensor | None,
+        drawn: torch.Tensor | None = None,
     ) -> tuple[torch.Tensor, ...]:
-        """Make one update on windows (n,) that begin with a state (elements, n, hidden); return (loss, next state)."""
+        """Make one update on windows (n,) that begin with a state (elements, n, hidden); return (loss, next state).
+
+        drawn: faults of the windows, as for TorchRegressor.
+        """
         x, y, _ = train
         with products_in(self.precision, x.device):
-            maps, state = self.network.go_on(x[windows], state)
+            maps, state = self.network.go_on(self._with_faults(x[windows], drawn), state)
         return descend([nn.functional.mse_loss(maps.float(), y[windows])]), state
 
     def loss(self, part: tuple[torch.Tensor, ...]) -> float:

@@ -23,8 +23,10 @@ from pydantic import Field
 from torch import nn
 
 from pipeline.base.errors import InputError
+from pipeline.datasets.levels import Levels
 from pipeline.datasets.series import Record
 from pipeline.learning import cost, weights
+from pipeline.learning.faults import drawing
 from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Scaling
 from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, new_network, run_epochs
@@ -82,16 +84,24 @@ class HighpassLstm:
         self.state = self.recent = None
 
     def fit(
-        self, records: list[Record], *, seed: int, device: str = "auto", progress: Progress = None, base=None
+        self,
+        records: list[Record],
+        *,
+        seed: int,
+        device: str = "auto",
+        progress: Progress = None,
+        base=None,
+        levels: Levels | None = None,
     ) -> list[dict]:
         """Train on training and validation part for all epochs: one cycle has nothing to stop or select by.
 
-        Returns one row per epoch (losses in mm squared, over counted samples). Raises InputError where no record has
-        a stretch of `length` samples.
+        Returns one row per epoch (losses in mm squared, over counted samples). levels: as for LstmRegressor. Raises
+        InputError where no record has a stretch of `length` samples, and for faults without levels.
         """
         t, self.scaling = self.training, Scaling.of_training(records)
         place = device_of(device, series=True)
         self.network = new_network(lambda: _Network(*self.shape), seed).to(place)
+        faults = drawing(self, levels, seed, place, self.scaling.x_mean, self.scaling.x_spread)
         x = torch.cat([self._padded(self.scaling.inputs(record.x)) for record in records]).to(place)
         y = torch.cat([self._padded(self.scaling.targets(record.y)) for record in records]).to(place)
         counted = np.concatenate([np.pad(record.counted, (self.taps - 1, 0)) for record in records])
@@ -114,7 +124,9 @@ class HighpassLstm:
             for _ in range(updates):
                 first = starts[torch.randint(len(starts), (t.batch, 1), generator=draw)]
                 samples = (first + offsets).to(place)
-                guess, _ = self.network(x[(first + with_past).to(place)])
+                seen = x[(first + with_past).to(place)]
+                seen = faults.changed(seen, faults.drawn(t.batch).to(place)) if faults else seen
+                guess, _ = self.network(seen)
                 mask = counts[samples]
                 mask[:, : t.warm_up] = 0
                 squares = ((guess - y[samples]).square().mean(2) * mask).sum()

@@ -113,6 +113,7 @@ def write(
 def _set(given: Mapping, settings: Path, where: str) -> None:
     """Set values of settings.yaml, `where`, and check all settings; errors as `write`."""
     values = params.read(settings)
+    _refuse_faults_of_others(given, values, where)
     for key, value in given.items():
         alone, lacking = params.parts(key, value, _at(values, key))
         if lacking and alone:
@@ -123,6 +124,26 @@ def _set(given: Mapping, settings: Path, where: str) -> None:
             )
     set_values(dict(given), settings, where)
     params.check(params.read(settings), dict.fromkeys(given, where))
+
+
+def _refuse_faults_of_others(given: Mapping, values: Mapping, where: str) -> None:
+    """Raise InputError for a model that is to be trained with faults and cannot be."""
+    for name in leaves(given):
+        experiment, *inside = name.split(".")
+        if len(inside) < 3 or inside[0] != "models" or "faults" not in inside[2:]:
+            continue
+        can = [model for model in values[experiment]["models"] if _takes_faults(experiment, model)]
+        if inside[1] in values[experiment]["models"] and inside[1] not in can:
+            key = f"{name.partition('.faults')[0]}.faults"
+            raise InputError(
+                f"{where}: `{key}`: {inside[1]} cannot be trained with faults; of the models of {experiment} these "
+                f"can: {', '.join(can)}"
+            )
+
+
+def _takes_faults(experiment: str, model: str) -> bool:
+    """Tell whether a model can be trained with faults."""
+    return params.is_optional(f"{experiment}.models.{model}.training.faults")
 
 
 def _at(values: Mapping, dotted: str):

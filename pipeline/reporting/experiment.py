@@ -1,8 +1,8 @@
 """Draw and write what the reports of all experiments have in common: learning curves, and the folder `speed`.
 
-The report of a simulated experiment is the module of its name in this folder. Its `write(workspace, target, settings)`
-writes the folders `accuracy` and `speed`, which exist, in the new folder `target`; settings: the experiment's block.
-Those of recordings are written by `recorded`.
+The report of a simulated experiment is the module of its name in this folder. Its `write(workspace, target, settings,
+look)` writes the folders `accuracy` and `speed`, which exist, in the new folder `target`; settings: the experiment's
+block; look: whether it is of what was computed here, in place of the evidence. Those of recordings: see `recorded`.
 """
 
 from collections.abc import Mapping
@@ -10,30 +10,28 @@ from pathlib import Path
 
 from pipeline.base import files
 from pipeline.base.paths import Workspace
+from pipeline.experiments import facts
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import common
 from pipeline.reporting.figures import speed as speed_figures
-from pipeline.reporting.report import Report
-from pipeline.scoring import results
+from pipeline.reporting.report import BUDGETS, Report
+from pipeline.reporting.words.labels import experiment_name
+from pipeline.scoring.published import PRINTED
 
 
-def learning_curves(
-    workspace: Workspace, path: Path, experiment: str, settings: Mapping, groups: Mapping[str, str], unit: str
-) -> None:
+def learning_curves(report: Report, path: Path, groups: Mapping[str, str], unit: str) -> None:
     """Draw the learning curves of all models with epochs; groups: name -> protocol; unit: of the loss."""
-    fits = {
-        model: {
-            name: [
-                results.read_fit(workspace, experiment, model, protocol, seed)
-                for seed in settings["protocols"][protocol]["seeds"]
-            ]
-            for name, protocol in groups.items()
-        }
-        for model in settings["models"]
-    }
-    title = "Learning curves, one line per seed (lower is better)"
-    if any(len(run.history) > 1 for of in fits.values() for runs in of.values() for run in runs):
-        common.learning_curves(path, fits, title, unit)
+    curves, paper = report.curves(groups.values()), facts(report.experiment).paper
+    if curves.empty:
+        return
+    printed = PRINTED[paper.key] if paper and paper.epochs else ()
+    epochs = {model: paper.epochs for model in printed}
+    runs = curves.groupby("budget")["seed"].nunique()
+    said = ", ".join(
+        f"{runs[at]} {'seed' if runs[at] == 1 else 'seeds'} of {BUDGETS[at]}" for at in BUDGETS if at in runs
+    )
+    title = f"Learning curves: validation loss, a line a training (lower is better)\n{said}"
+    common.learning_curves(path, curves, groups, title, unit, epochs)
 
 
 def write_speed(
@@ -47,12 +45,12 @@ def write_speed(
     end: str = "",
 ) -> None:
     """Write the folder `speed`; panels, measure: see `speed.speed_table`; note, end: more text of table2.md."""
-    folder, latency = target / "speed", results.read_latency(workspace, report.experiment, settings)
-    table = speed_report.speed_table(workspace, report, settings, latency, panels, measure)
+    folder, name = target / "speed", experiment_name(report.experiment)
+    if not panels:
+        files.write_text(folder / "table2.md", "# Speed against accuracy\n\nNothing of it was computed.\n")
+        return
+    table = speed_report.speed_table(report, settings, speed_report.timed(report, settings), panels, measure)
     files.write_table(folder / "table2.csv", table)
-    files.write_text(
-        folder / "table2.md",
-        speed_report.speed_text(table, settings["latency"]["calls"], report.machines(), note) + end,
-    )
-    speed_figures.chart(folder / "tradeoff.png", table, "p50_ms")
-    speed_figures.chart(folder / "training.png", table, "train_s")
+    files.write_text(folder / "table2.md", speed_report.speed_text(table, note) + end)
+    speed_figures.chart(folder / "tradeoff.png", table, "p50_ms", name)
+    speed_figures.chart(folder / "training.png", table, "train_s", name)

@@ -1,16 +1,15 @@
 """Write reports/glove: Tables 1 and 2 of the SP-ResNet paper beside the published numbers, and its figures."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
-from pipeline.base import files, paths
+from pipeline.base import files
 from pipeline.base.paths import Workspace
-from pipeline.datasets import images, schemas
+from pipeline.datasets import images
 from pipeline.datasets.images import MODALITIES, modality
 from pipeline.datasets.seeding import generator
 from pipeline.experiments import glove as glove_experiment
@@ -20,15 +19,13 @@ from pipeline.reporting.figures import glove as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import capitalised, form_name, model_name, plain
 from pipeline.scenes import glove as glove_scene
-from pipeline.scoring import glove_results
+from pipeline.scoring import glove_results, kept
 from pipeline.scoring.glove_results import COMPARED, MOST_CONFUSED
 from pipeline.scoring.published import METHODS, precision, precision_gain
-from pipeline.scoring.results import PLAIN, SHARE, estimate, read_windows
+from pipeline.scoring.results import PLAIN, SHARE, estimate
 
 METRICS = ("macro_precision", "accuracy")
 FRAMES_OF = ("combined", "pressure")  # datasets of figure 15
-GRASPED = "mobile_phone"  # in figure 10
-SEQUENCE_FRAMES = 50  # of figure 13
 SHOWN_N = 0.6  # of figure 7
 HELD_DEG, HELD_S = (0.0, 30.0, 45.0, 60.0, 90.0), 160.0  # of figure 9a: one after the other
 BENDS = (300, 500 / 300)  # of figure 9b: how many, s
@@ -36,7 +33,7 @@ DATASETS = {"pressure": "pressure", "strain": "strain", "combined": "combined"}
 WRONG = ("accuracy", "Images classified incorrectly (%)")
 
 
-def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
+def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> None:
     """Write the report of `glove`; see `experiment`.
 
     Differs from paper: left open there and chosen here: batches of 32 images, and how the learning rate rises and falls
@@ -46,9 +43,8 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
     as one of one frame.
     Differs from paper: figure 15 is of the STAG data set; on the glove, a session is one grasp.
     """
-    accuracy, report = target / "accuracy", Report(workspace, "glove", settings)
-    table = read_windows(workspace, "glove")
-    objects, protocols = images.classes(table), glove_results.main_protocols(settings)
+    accuracy, report = target / "accuracy", Report(workspace, "glove", settings, look)
+    protocols = glove_results.main_protocols(settings)
     counts = glove_results.read_counts(workspace)
     files.write_table(accuracy / "table1.csv", score_table(report, with_published=True))
     gains = augmentation_table(report)
@@ -56,11 +52,10 @@ def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
         files.write_table(accuracy / "table2.csv", gains)
     by_number = draw_frames(workspace, accuracy, settings)
     draw_laws(accuracy, settings)
-    draw_grasp(accuracy / "figure10.png", table, objects)
-    draw_sequences(workspace, accuracy / "figure13.png", settings["sensor"]["reference_ohm"], objects)
+    draw_readings(report, accuracy, next(iter(protocols.values())))
     asked = dict.fromkeys(protocols if "sp_resnet" in report.models else (), "sp_resnet")
-    draw_confusions(workspace, accuracy, "figure14", "glove", settings, asked, DATASETS)
-    experiment.learning_curves(workspace, accuracy / "learning_curves.png", "glove", settings, protocols, "nats")
+    draw_confusions(report, accuracy, "figure14", asked, DATASETS)
+    experiment.learning_curves(report, accuracy / "learning_curves.png", protocols, "nats")
     report.write(
         accuracy / "README.md",
         "glove",
@@ -186,57 +181,40 @@ def draw_laws(folder: Path, settings: Mapping) -> None:
     figures.bent_joint(folder / "figure9.png", *joint, HELD_DEG, title)
 
 
-def draw_grasp(path: Path, table: pa.Table, objects: Sequence[str]) -> None:
-    """Draw one frame in the middle of the first session of GRASPED, or of the first object."""
-    names, sessions = schemas.names(table["condition"]), schemas.names(table["recording"])
-    grasped = GRASPED if GRASPED in objects else objects[0]
-    rows = np.flatnonzero(names == grasped)
-    rows = rows[sessions[rows] == sessions[rows[0]]]
-    grasp = rows[len(rows) // 2]
-    pictures = {
-        dataset: schemas.matrix(table[dataset])[grasp].reshape(images.SIDE, images.SIDE) for dataset in MODALITIES
-    }
-    title = style.literal(f"Figure 10: tactile images, {plain(grasped)}, {sessions[grasp]}")
-    figures.tactile_images(path, pictures, images.GLOVE["strain"].place, title)
-
-
-def draw_sequences(workspace: Workspace, path: Path, ohm: float, objects: Sequence[str]) -> None:
-    """Draw the conductance (mS) of pressure cells and wired joints of each last session; ohm: reference resistor."""
-    frames_path = paths.require(workspace.frames("glove"), "python -m pipeline.stages.ingest glove")
-    frames = schemas.read(frames_path, columns=["condition", "recording", "pressure", "strain"])
-    names, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
-    pressure, strain = (
-        1e3 * glove_experiment.conductance(schemas.matrix(frames[c]), ohm) for c in ("pressure", "strain")
-    )
-    joints = glove_experiment.joint_means(strain.reshape(-1, 15, 9), images.GLOVE["strain"].joint)
-    joints = joints.reshape(len(names), -1)
-    values = np.column_stack([pressure, joints[:, joints.any(axis=0)]])
-    sequences = {}
-    for name in objects:
-        rows = np.flatnonzero(names == name)
-        last = rows[sessions[rows] == max(sessions[rows])]
-        sequences[name] = values[last[-SEQUENCE_FRAMES:]].T
-    title = f"Figure 13: the last {SEQUENCE_FRAMES} frames of each object's last session; below the line, joint means"
-    figures.tactile_sequences(path, sequences, glove_experiment.PRESSURE_CELLS, title)
+def draw_readings(report: Report, folder: Path, protocol: str) -> None:
+    """Draw figure 10, one grasp as images, and figure 13, the last frames of each object's last session."""
+    rows = report.drawn(protocol)
+    rows = rows[rows["model"] == kept.READING]
+    if rows.empty:
+        return
+    pictures, frames = rows[rows["named"].notna()], rows[rows["named"].isna()]
+    values = zip(pictures["named"], pictures["values"], strict=True)
+    shown = {dataset: cells.astype(float).reshape(images.SIDE, images.SIDE) for dataset, cells in values}
+    title = f"Figure 10: tactile images, {plain(pictures['object'].iloc[0])}, {pictures['recording'].iloc[0]}"
+    figures.tactile_images(folder / "figure10.png", shown, images.GLOVE["strain"].place, style.literal(title))
+    by_object = frames.groupby("object", observed=True, sort=False)["values"]
+    sequences = {name: np.stack(own).astype(float).T for name, own in by_object}
+    last = f"the last {kept.SEQUENCE_FRAMES} frames of each object's last session"
+    title = f"Figure 13: {last}; below the line, joint means"
+    figures.tactile_sequences(folder / "figure13.png", sequences, glove_experiment.PRESSURE_CELLS, title)
 
 
 def draw_confusions(
-    workspace: Workspace,
-    folder: Path,
-    name: str,
-    experiment: str,
-    settings: Mapping,
-    models: Mapping[str, str],
-    names: Mapping[str, str],
+    report: Report, folder: Path, name: str, models: Mapping[str, str], names: Mapping[str, str]
 ) -> None:
-    """Draw <name>_<dataset>.png, the confusions of all seeds together.
+    """Draw <name>_<dataset>.png, the confusions of all seeds that are kept, together.
 
     models: dataset -> the model that predicted; names: dataset -> its name.
     """
-    table, split = read_windows(workspace, experiment), plain(next(iter(glove_results.splits(settings))))
-    confusions = glove_results.read_confusions(workspace, experiment, settings, table, models)
-    for dataset, counts in confusions.items():
-        runs = f"{len(counts)} {'run' if len(counts) == 1 else 'runs'}"
-        title = f"{capitalised(names[dataset])}: {model_name(models[dataset])}, split by {split}, {runs} together"
-        path = folder / f"{name}_{dataset}.png"
-        common.confusion_matrix(path, counts.sum(axis=0), images.classes(table), title)
+    protocols = glove_results.main_protocols(report.settings)
+    for dataset, model in models.items():
+        rows = report.drawn(protocols[dataset])
+        counts = rows[rows["model"] == model]
+        if counts.empty:
+            continue
+        objects = sorted(set(rows["object"][rows["model"] == kept.LABEL]))
+        matrix = counts.pivot_table("images", "object", "named", "sum", fill_value=0, observed=True)
+        matrix = matrix.reindex(index=objects, columns=objects, fill_value=0).to_numpy()
+        caption = report.caption(protocols[dataset], counts["seed"].nunique())
+        title = f"{capitalised(names[dataset])}: {model_name(model)}\n{caption}"
+        common.confusion_matrix(folder / f"{name}_{dataset}.png", matrix, objects, title)

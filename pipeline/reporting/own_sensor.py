@@ -164,9 +164,10 @@ def draw_windows(
     yield "force", lambda path: common.agreement(path, title, {"": clouds}, "N")
     order = np.argsort(truth.max(axis=(1, 2)), kind="stable")
     hard = order[np.linspace(len(order) // 2, len(order) - 1, min(MAPS, len(order))).astype(int)]
-    windows = {f"window {k + 1}": int(window) for k, window in enumerate(hard)}
-    counts = schemas.matrix(rows["x"])[:, -sensor["rows"] * sensor["cols"] :]
-    yield "maps", lambda path: common.maps(path, title, windows, counts, truth, maps, sensor)
+    windows = [f"window {k + 1}" for k in range(len(hard))]
+    counts = schemas.matrix(rows["x"])[hard, -sensor["rows"] * sensor["cols"] :]
+    hardest = {model: values[hard] for model, values in maps.items()}
+    yield "maps", lambda path: common.maps(path, title, windows, counts, truth[hard], hardest, sensor)
 
 
 def draw_series(

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,14 @@ from pipeline.reporting.claims import tables_of
 from pipeline.reporting.words import templates
 from pipeline.reporting.words.labels import model_name, plain
 from pipeline.reporting.words.markdown import interval, number, size, table
-from pipeline.scoring import one_table, published, shards
+from pipeline.scoring import kept, one_table, published, results, shards, shown
 from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
 from pipeline.scoring.published import ANY
 from pipeline.scoring.results import LOG, R2, SHARE, Estimate, estimate, scale_of
 
 COUNTS = ("params", "macs")  # metrics that are whole numbers
 BUDGETS = {LOOK: "the look of this machine", HALF: "half of the budget", FULL: "the full budget"}
+CURVE = ["model", "protocol", "seed", "epoch", "train_loss", "validation_loss"]
 FIGURE = re.compile(r"^- \[.*?\]\((\S+\.png)\)")
 Place = tuple[str, ...]  # protocol, condition, metric and, of what is not the model itself, variant
 
@@ -30,13 +32,20 @@ Place = tuple[str, ...]  # protocol, condition, metric and, of what is not the m
 class Report:
     """The results of one experiment beside what its paper prints, as the templates ask for them."""
 
-    def __init__(self, workspace: Workspace, experiment: str, settings: Mapping):
-        """Read the one table and judge the claims; settings: the experiment's block of settings."""
+    def __init__(self, workspace: Workspace, experiment: str, settings: Mapping, look: bool = False):
+        """Read the one table and judge the claims; settings: the experiment's block of settings.
+
+        The results are those of the evidence, with `look` or of own logs what the stages computed here.
+        """
         self.workspace, self.experiment, self.models = workspace, experiment, list(settings["models"])
         self.simulated = settings.get("source", "simulated") == "simulated"
-        self.protocols = list(settings["protocols"])
-        paths.require(workspace.scores(experiment), f"python -m pipeline.stages.evaluate {experiment}")
-        self.results = one_table.results(workspace, [] if self.simulated else [experiment], experiment)
+        self.of_look = look or not self.simulated
+        self.protocols, self.settings = list(settings["protocols"]), settings
+        if self.of_look:
+            paths.require(workspace.scores(experiment), f"python -m pipeline.stages.evaluate {experiment}")
+            self.results = one_table.of_look(workspace, experiment, own=not self.simulated)
+        else:
+            self.results = one_table.results(workspace, [], experiment)
         sets = (
             shards.read_sets(workspace)
             if self.simulated and (shards.folder(workspace) / "shards.yaml").exists()
@@ -45,7 +54,12 @@ class Report:
         self._variants = {name for name, each in sets.items() if each.variant}
         of_experiment = [each.variants for each in sets.values() if each.experiment == experiment]
         self.variants = {name: one for each in of_experiment for name, one in each.items()}
-        self._sets = {protocol: each for each in sets.values() if not each.variant for protocol in each.protocols}
+        self._of_tables = {
+            name: each
+            for name, each in sets.items()
+            if each.experiment == experiment and not (each.variant or shards.study(each))
+        }
+        self._sets = {protocol: each for each in self._of_tables.values() for protocol in each.protocols}
         paper = facts(experiment).paper if self.simulated else None
         rows = published.table(paper.key if paper else "").itertuples()
         self._printed = {(row.condition, row.model, row.variant, row.metric): (row.value, row.step) for row in rows}
@@ -55,27 +69,6 @@ class Report:
     def estimate(self, protocol: str, condition: str, model: str, metric: str, variant: str = "") -> Estimate:
         """Return mean and interval over the seeds of one protocol."""
         return self.results.estimate(self.experiment, protocol, condition, model, metric, variant=variant)
-
-    def training_times(self, protocol: str, model: str, budget: str) -> list[float]:
-        """Return the seconds of each training of the evidence at a budget, of the machine that did the most of them.
-
-        Seconds of a core and of a card are no spread of one time.
-        """
-        folder = shards.folder(self.workspace)
-        runs = self.results.runs(self.experiment, protocol, protocol, model, "train_s", budget=budget)
-        index = shards.table(folder / "index.csv", shards.INDEX)
-        of_budget = index[(index["experiment"] == self.experiment) & (index["budget"] == budget)]
-        times = shards.table(folder / "times.csv", shards.TIMES).merge(of_budget[["shard", "machine"]], on="shard")
-        times = times[(times["model"] == model) & (times["protocol"] == protocol)]
-        times = times[~times["shard"].str.rsplit("-", n=2).str[0].isin(self._variants)]
-        seeds = times[times["machine"] == times["machine"].mode().get(0)]["seed"].astype(int)
-        return runs[runs.index.isin(seeds)].tolist()
-
-    def machines(self) -> str:
-        """Name the processors and cards that the shards of the evidence were trained on; empty where there are none."""
-        index = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX)
-        kept = index[(index["experiment"] == self.experiment) & (index["protocol"] != shards.STUDY)]
-        return " or ".join(dict.fromkeys(kept["machine"]))
 
     def scored(self) -> dict[tuple[str, str], list[str]]:
         """Return (protocol, condition) -> the metrics that the models were scored by, in the order of scores.csv."""
@@ -90,6 +83,8 @@ class Report:
     def basis(self, protocol: str) -> str:
         """Return how many runs the numbers of a protocol are of, and at which budget, with the epochs of its set."""
         budget = self.results.shown(self.experiment, protocol)
+        if budget == LOOK and not self.of_look:
+            return "not computed"
         rows = self.results.rows(experiment=self.experiment, protocol=protocol)
         runs = rows[(rows["seed"] >= 0) & (rows["budget"] == budget)]["seed"].nunique()
         said = "1 run" if runs == 1 else f"{runs} runs"
@@ -110,30 +105,64 @@ class Report:
         ]
         return table(["Split", "Numbers of", "Data"], rows) if rows else ""
 
-    def look(self, metric: str, percent: bool = False) -> str:
-        """Return a table of what this machine's look scored, on the protocols whose tables show the evidence."""
-        places = [
-            place
-            for place, measured in self.scored().items()
-            if metric in measured and self.results.shown(self.experiment, place[0]) != LOOK
-        ]
-        rows = [
-            [
-                model_name(model),
-                *(
-                    self.text(
-                        self.results.estimate(self.experiment, *place, model, metric, budget=LOOK),
-                        metric,
-                        percent=percent,
-                    )
-                    for place in places
-                ),
+    @cached_property
+    def kept(self) -> pd.DataFrame:
+        """Return what figures draw, see `scoring.kept`: of the shards at the budgets that are shown, or of the look."""
+        if self.of_look:
+            return kept.of_look(self.workspace, self.experiment)
+        budgets = {protocol: self.results.shown(self.experiment, protocol) for protocol in self.protocols}
+        return kept.of_evidence(self.workspace, self.experiment, budgets)
+
+    def drawn(self, protocol: str) -> pd.DataFrame:
+        """Return the rows of `kept` of one protocol."""
+        return self.kept[self.kept["protocol"] == protocol]
+
+    def undrawn(self) -> str:
+        """Say which command computes the predictions that figures show, where shards have not kept them; or nothing."""
+        index, lost = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX), []
+        for name, each in self._of_tables.items():
+            for protocol in set(each.protocols) & set(facts(self.experiment).drawn):
+                shard = shards.Shard(name, kept.FIRST, self.results.shown(self.experiment, protocol)).name
+                if shard in set(index["shard"]) and not shards.kept_file(self.workspace, shard).exists():
+                    lost.append(name)
+        if self.of_look or not lost:
+            return ""
+        names = " ".join(dict.fromkeys(lost))
+        return f"Some shards have kept no predictions: `{shards.MADE_BY} {names}` computes those that figures show."
+
+    def caption(self, protocol: str, together: int = 0) -> str:
+        """Return what a figure's predictions are of: budget, seeds, split; together: so many seeds, not the first."""
+        rows = self.results.rows(experiment=self.experiment, protocol=protocol)
+        budget, things = self.results.shown(self.experiment, protocol), facts(self.experiment).seeds
+        runs = rows[(rows["seed"] >= 0) & (rows["budget"] == budget)]["seed"].nunique()
+        number = f"{runs} {things if runs != 1 else things.removesuffix('s')}"
+        if together == runs > 1:
+            number += " together"
+        elif runs > 1:
+            number = f"{f'{together} together' if together > 1 else 'first'} of {number}"
+        return f"{BUDGETS[budget].removeprefix('the ')}, {number}, test part of {plain(protocol)}"
+
+    def curves(self, protocols: Iterable[str]) -> pd.DataFrame:
+        """Return the losses of all trainings of more than one epoch: CURVE and `budget`, of the shards or of the look.
+
+        Those of shards are thinned. protocols: those that are asked for.
+        """
+        if self.of_look:
+            runs = [
+                results.read_fit(self.workspace, self.experiment, model, protocol, seed).history.assign(
+                    model=model, protocol=protocol, seed=seed, budget=LOOK
+                )
+                for protocol in protocols
+                for seed in self.settings["protocols"][protocol]["seeds"]
+                for model in self.models
             ]
-            for model in self.models
-        ]
-        return (
-            table(["Model", *(", ".join(dict.fromkeys(map(plain, place))) for place in places)], rows) if places else ""
-        )
+            none = pd.DataFrame(columns=[*CURVE, "budget"], dtype=float)
+            return pd.concat([run[[*CURVE, "budget"]] for run in runs if len(run) > 1] or [none])
+        index = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX)
+        index = index[index["shard"].str.rsplit("-", n=2).str[0].isin(self._of_tables)]
+        rows = shown.curves(self.workspace, index["shard"]).merge(index[["shard", "budget"]], on="shard")
+        rows = rows[rows["protocol"].isin(list(protocols)) & rows["model"].isin(self.models)]
+        return rows[[*CURVE, "budget"]]
 
     def score(self, protocol: str, condition: str, model: str, metric: str, variant: str = "", **how: Any) -> str:
         """Return `mean [low, high]` of a model; how: see `text`."""

@@ -6,15 +6,19 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
+from pipeline.base.processes import processor
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import FRONTS, SPREAD, model_name, plain
+from pipeline.reporting.words.labels import FRONTS, MACHINES, SPREAD, TIMES, model_name, plain
 from pipeline.reporting.words.markdown import interval, size
 from pipeline.reporting.words.templates import render
+from pipeline.scoring import results, times
 from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
-from pipeline.scoring.results import Estimate, read_training_times
+from pipeline.scoring.results import Estimate
 
 ESTIMATE = ["error", "low", "high", "runs", "failed"]  # columns of one Estimate
+MEASURED = ("p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms")
+WEIGHT = ("params", "macs", "size_bytes")
+UNTIMED = "not timed"
 LEAST_S = 1e-3  # of a training's time, which the evidence keeps in whole milliseconds
 
 
@@ -43,8 +47,32 @@ def error_of(report: Report, protocol: str, condition: str, model: str, metric: 
     return value._replace(mean=100 * (1 - value.mean), low=100 * (1 - value.high), high=100 * (1 - value.low))
 
 
+def timed(report: Report, settings: Mapping) -> dict[tuple[str, int], Mapping]:
+    """Return (model, batch) -> row of latency.csv, with its calls and machine: of the evidence, or of the look.
+
+    A model that was not timed for the evidence has no row; settings: the experiment's block.
+    """
+    if report.of_look:
+        here = {times.MACHINE: processor(), "calls": settings["latency"]["calls"]}
+        rows = results.read_latency(report.workspace, report.experiment, settings)
+        return {key: {**row, **here} for key, row in rows.items()}
+    rows = times.predictions(report.workspace, report.experiment)
+    rows = rows[rows["model"].isin(settings["models"])]
+    return {(row["model"], row["batch"]): row for row in rows.to_dict("records")}
+
+
+def of_model(latency: Mapping[tuple[str, int], Mapping], model: str) -> dict:
+    """Return what table2.csv says of a model's predictions and weight; latency: see `timed`; NaN where it has none."""
+    batches = sorted({batch for _, batch in latency})
+    ends = [latency[model, batch] for batch in (*batches[:1], *batches[-1:]) if (model, batch) in latency]
+    one, many = ends if len(ends) == 2 else ({}, {})
+    row = {key: one.get(key, np.nan) for key in ("threads", "batch", "calls", *MEASURED)}
+    per_s = 1e3 * many["batch"] / many["p50_ms"] if many.get("p50_ms") else np.nan
+    row |= {"large_batch": many.get("batch", np.nan), "predictions_per_s": per_s}
+    return row | {"machine": one.get(times.MACHINE, "")} | {key: one.get(key, np.nan) for key in WEIGHT}
+
+
 def speed_table(
-    workspace: Workspace,
     report: Report,
     settings: Mapping,
     latency: Mapping[tuple[str, int], Mapping],
@@ -53,39 +81,44 @@ def speed_table(
 ) -> pd.DataFrame:
     """Return table2.csv, one row per panel and model, in full precision; charts and table2.md are drawn from it.
 
-    panels: title -> (protocol, condition); measure: (metric, its name and unit as an axis shows it). `p50_ms`,
-    `p95_ms`: of one call at `batch`; `predictions_per_s`: at `large_batch`; `train_s`: median over the panel's seeds,
-    of the budget that the error is of. `half_error`, `half_train_s`: at half of it, NaN where that was not run.
-    `p50_low_ms` to `p50_high_ms` and `train_low_s` to `train_high_s`: smallest and largest median of a round, and seed.
+    latency: see `timed`; panels: title -> (protocol, condition); measure: (metric, its name and unit as an axis shows
+    it). `p50_ms`, `p95_ms`: of one call at `batch`; `predictions_per_s`: at `large_batch`, both on `machine`.
+    `train_s`: median over the trainings of the panel's protocol on `training_machine`, at the budget that the error is
+    of (see `times.Trainings`). `half_error`, `half_train_s`: at half of it, NaN where that was not run.
+    `p50_low_ms` to `p50_high_ms` and `train_low_s` to `train_high_s`: smallest and largest median of a round, and
+    training.
     """
-    (metric, name), batches = measure, settings["latency"]["batches"]
+    metric, name = measure
+    trained = times.trainings(report.workspace, report.experiment, {protocol for protocol, _ in panels.values()})
     rows = []
     for panel, (protocol, condition) in panels.items():
         for model in settings["models"]:
-            single, large = latency[model, batches[0]], latency[model, batches[-1]]
-            kept = {at: report.training_times(protocol, model, at) for at in (HALF, FULL)}
-            budget = report.results.shown(report.experiment, protocol)
-            times = kept.get(budget) or read_training_times(workspace, report.experiment, model, protocol)
+            shown = report.results.shown(report.experiment, protocol)
+            budget = shown if report.of_look or shown != LOOK else ""  # nothing of it is in the evidence
             row = {"panel": panel, "protocol": protocol, "condition": condition, "model": model, "measure": name}
             row |= dict(zip(ESTIMATE, error_of(report, protocol, condition, model, metric), strict=True))
-            row |= {"threads": single["threads"], "batch": batches[0]}
-            row |= {key: single[key] for key in ("p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms")}
-            row |= {"large_batch": batches[-1], "predictions_per_s": 1e3 * batches[-1] / large["p50_ms"]}
-            spread = (max(float(of(times)), LEAST_S) if times else np.nan for of in (np.median, np.min, np.max))
-            row |= dict(zip(("train_s", "train_low_s", "train_high_s"), spread, strict=True))
+            row |= of_model(latency, model)
+            if report.of_look:
+                taken = results.read_training_times(report.workspace, report.experiment, model, protocol)
+            else:
+                taken = trained.seconds(protocol, model, budget)
+            row |= dict(zip(("train_s", *SPREAD["train_s"]), spread(taken), strict=True))
+            half = [] if report.of_look or budget != FULL else trained.seconds(protocol, model, HALF)
             place = (report.experiment, protocol, condition, model, metric, "", HALF)
-            less = budget == FULL and len(kept[HALF]) > 0 and report.results.found(*place)[1] == HALF  # it has epochs
+            less = len(half) > 0 and report.results.found(*place)[1] == HALF  # it has epochs
             row |= {
                 "half_error": error_of(report, protocol, condition, model, metric, HALF).mean if less else np.nan,
-                "half_train_s": max(float(np.median(kept[HALF])), LEAST_S) if less else np.nan,
-                "budget": budget if kept.get(budget) else LOOK,
+                "half_train_s": spread(half)[0] if less else np.nan,
+                "budget": budget,
+                "training_machine": (processor() if report.of_look else trained.machine) if taken else "",
             }
-            rows.append(row | {key: single[key] for key in ("params", "macs", "size_bytes")})
             for key in FRONTS:
-                if not 0 < rows[-1][key] < np.inf:
+                known = report.of_look or not np.isnan(row[key])
+                if known and not 0 < row[key] < np.inf:
                     stage = "training" if key == "train_s" else "latency"
                     where = f"{report.experiment}: {model} has no {key} above zero for {protocol}"
                     raise InputError(f"{where}; run its {stage} stage again")
+            rows.append(row)
     table = pd.DataFrame(rows)
     for key, column in FRONTS.items():
         table[column] = 0
@@ -96,34 +129,49 @@ def speed_table(
     return table
 
 
-def speed_text(speeds: pd.DataFrame, calls: int, machines: str, note: str) -> str:
-    """Return table2.md from table2.csv.
+def spread(seconds: Sequence[float]) -> tuple[float, float, float]:
+    """Return median, lowest and highest of the times of some trainings, at least LEAST_S; NaN where there are none."""
+    if not seconds:
+        return np.nan, np.nan, np.nan
+    return tuple(max(float(of(seconds)), LEAST_S) for of in (np.median, np.min, np.max))
 
-    calls: how many predictions were timed; machines: what the shards were trained on; note: more to know.
-    """
-    threads, batch, large, measure = (speeds[key].iloc[0] for key in ("threads", "batch", "large_batch", "measure"))
+
+def speed_text(speeds: pd.DataFrame, note: str) -> str:
+    """Return table2.md from table2.csv; note: more to know. What was not timed is said in its cells."""
+    threads, batch, large, calls = (whole(speeds[key]) for key in ("threads", "batch", "large_batch", "calls"))
     panels, protocols = list(dict.fromkeys(speeds["panel"])), list(dict.fromkeys(speeds["protocol"]))
-    digits = 3 if speeds["error"].min() < 1 else 2
+    measure, digits = speeds["measure"].iloc[0], 3 if speeds["error"].min() < 1 else 2
     rows = []
     for model, by_panel in speeds.groupby("model", sort=False):
         first = by_panel.iloc[0]
         errors = (Estimate(*values) for values in by_panel[ESTIMATE].itertuples(index=False))
         row = [model_name(model), *(interval(error, digits) for error in errors)]
-        low, high = (f"{first[name]:.3f}" for name in SPREAD["p50_ms"])
-        row += [
-            f"{first['p50_ms']:.3f} [{low}, {high}]",
-            f"{first['p95_ms']:.3f}",
-            f"{first['predictions_per_s']:,.0f}",
-        ]
+        if np.isnan(first["p50_ms"]):
+            row += [UNTIMED] * 3
+        else:
+            low, high = (f"{first[name]:.3f}" for name in SPREAD["p50_ms"])
+            row += [
+                f"{first['p50_ms']:.3f} [{low}, {high}]",
+                f"{first['p95_ms']:.3f}",
+                f"{first['predictions_per_s']:,.0f}",
+            ]
         row += [seconds(time) for time in by_panel.drop_duplicates("protocol")["train_s"]]
-        row += [size(first[key]) for key in ("params", "macs", "size_bytes")]
+        row += [size(first[key]) for key in WEIGHT]
         rows.append([*row, *(fronts(by_panel, column) for column in FRONTS.values())])
     training = [f"Training, {plain(name)} (s)" for name in protocols] if len(protocols) > 1 else ["Training (s)"]
     header = ["Model", *(f"{panel}: {measure}" for panel in panels)]
     header += [f"Median of batch {batch} [of rounds] (ms)", "95th percentile (ms)"]
     header += [f"Predictions per second, batch {large}", *training, "Trained parameters", "Multiply-accumulates"]
     header += ["File (bytes)", "On the front of time", "On the front of training time"]
-    return render("speed", calls=calls, threads=threads, machines=machines, note=note, table_of_models=(header, rows))
+    said = {name: times.one_machine(speeds[name], TIMES[time]) for time, name in MACHINES.items()}
+    said |= {"threads": threads, "calls": calls, "budgets": " and ".join(filter(None, dict.fromkeys(speeds["budget"])))}
+    return render("speed", **said, note=note, table_of_models=(header, rows))
+
+
+def whole(values: pd.Series) -> int:
+    """Return the one whole number that is in a column beside NaN; 0 where there is none."""
+    known = values.dropna()
+    return int(known.iloc[0]) if len(known) else 0
 
 
 def fronts(by_panel: pd.DataFrame, column: str) -> str:
@@ -134,4 +182,6 @@ def fronts(by_panel: pd.DataFrame, column: str) -> str:
 
 def seconds(value: float) -> str:
     """Return a training time with two digits or more."""
+    if np.isnan(value):
+        return UNTIMED
     return f"{value:,.0f}" if value >= 100 else f"{value:.2g}" if value < 1 else f"{value:.1f}"

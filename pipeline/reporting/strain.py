@@ -5,25 +5,24 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 from scipy import stats
 
 from pipeline.base import files
 from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
+from pipeline.experiments import strain as strain_experiment
 from pipeline.reporting import experiment
 from pipeline.reporting.figures import common
 from pipeline.reporting.figures import strain as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import plain
 from pipeline.scenes.strain import drift_at_samples
+from pipeline.scoring import kept
 from pipeline.scoring.one_table import Results
-from pipeline.scoring.results import LOG, Estimate, read_predictions, read_windows
-from pipeline.scoring.strain_results import STUDIES, TIME_BINS, errors_by_time, read_latents, read_study, tested_rows
+from pipeline.scoring.results import LOG, Estimate
+from pipeline.scoring.strain_results import STUDIES, read_latents, read_study
 
 FIGURES = {"task_1": "figure5", "task_2": "figure6"}  # of direct training
 AXES = "xyz"
-SHOWN_S = 120.0  # of the test part in figures 5, 6 and 8; the drift is drawn over all of it
 LEAST_R2 = -0.25  # end of the axis of the decoders
 ERROR = "Test error (mm), mean and seeds"
 TRANSFER_COSTS = (
@@ -32,21 +31,21 @@ TRANSFER_COSTS = (
 )
 
 
-def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
+def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> None:
     """Write the report of `strain`; see `experiment`."""
-    accuracy, report = target / "accuracy", Report(workspace, "strain", settings)
+    accuracy, report = target / "accuracy", Report(workspace, "strain", settings, look)
     files.write_table(accuracy / "table1.csv", score_table(report))
     studies = {name: read_study(workspace, report.results.table, name) for name in STUDIES}
     known = {name: study for name, study in studies.items() if len(study)}
     for name, study in known.items():
         files.write_table(accuracy / f"{name}.csv", study)
-    dataset = read_windows(workspace, "strain")
     for task in FIGURES:
-        if task in settings["protocols"]:
-            draw_task(workspace, accuracy, settings, dataset, task)
+        draw_task(report, accuracy, task)
     if len(latents := read_latents(workspace)):
         figures.latent_space(accuracy / "figure7.png", latents)
-    draw_time(workspace, accuracy / "time.png", settings, dataset)
+    draw_time(report, accuracy / "time.png")
+    groups = {plain(task): task for task in settings["protocols"]}
+    experiment.learning_curves(report, accuracy / "learning_curves.png", groups, "mm²")
     draw_studies(accuracy, report, known)
     absent = [name for name in STUDIES if name not in known]
     of_base = {name.removeprefix("base_"): one for name, one in report.variants.items() if name.startswith("base_")}
@@ -68,55 +67,62 @@ def score_table(report: Report) -> pd.DataFrame:
     return report.scores((p, c, model, metric) for p, c, metric in places for model in report.models)
 
 
-def draw_task(workspace: Workspace, folder: Path, settings: Mapping, dataset: pa.Table, task: str) -> None:
+def draw_task(report: Report, folder: Path, task: str) -> None:
     """Draw figure 5 or 6 of direct training, the readings' drift of task 1, and the task's part of figure 8."""
-    seed = settings["protocols"][task]["seeds"][0]
-    rows = tested_rows(dataset, task, seed)
+    rows, caption = report.drawn(task), report.caption(task)
+    rows = rows[rows["window"] != kept.WHOLE].sort_values("window", kind="stable")
+    label = rows[rows["model"] == kept.LABEL]
+    if label.empty:
+        return
+    time_s, since = label["t_s"].to_numpy(), "Time since the start of the test part (s)"
+    volts, shown = np.stack(label["v"]), time_s <= kept.SHOWN_S
+    truth = np.stack(label["place_mm"])[shown]
     guesses = {
-        model: read_predictions(workspace, "strain", model, task, seed, dataset)[rows]
+        model: np.stack(rows["place_mm"][rows["model"] == model])
         for model in ("lstm_direct", "lstm_transfer")
-        if model in settings["models"]
+        if (rows["model"] == model).any()
     }
-    time_s = dataset["t_s"].to_numpy()[rows] - dataset["t_s"].to_numpy()[rows[0]]
-    volts, truth = (schemas.matrix(dataset[name])[rows] for name in ("v", "y"))
-    shown = time_s <= SHOWN_S
-    outputs = [k for k in range(3) if all(np.isfinite(guess[:, k]).all() for guess in guesses.values())]
+    axes = strain_experiment.task(task, report.settings).outputs
+    outputs = [k for k in range(len(axes)) if all(np.isfinite(guess[:, k]).all() for guess in guesses.values())]
     strands = f"{volts.shape[1]} strands, the first dark, the last light"
-    readings = [
-        common.Course("Voltage, mean\nremoved (V)", time_s[shown], None, {}, strands,
-                      volts[shown] - volts[shown].mean(axis=0))
-    ]  # fmt: skip
+    seen = volts[shown] - volts[shown].mean(axis=0)
+    readings = [common.Course("Voltage, mean\nremoved (V)", time_s[shown], None, {}, strands, seen)]
 
     def of(models: tuple[str, ...]) -> list[common.Course]:
         return [
-            common.Course(f"{AXES[k]} (mm)", time_s[shown], truth[shown, k], {m: guesses[m][shown, k] for m in models})
+            common.Course(f"{AXES[axes[k]]} (mm)", time_s[shown], truth[:, k], {m: guesses[m][:, k] for m in models})
             for k in outputs
         ]
 
-    run, since = f"{plain(task)}, test part, seed {seed}", "Time since the start of the test part (s)"
     if "lstm_direct" in guesses and outputs:
         name = FIGURES[task]
-        title = f"Figure {name.removeprefix('figure')}: direct training, {run}"
+        title = f"Figure {name.removeprefix('figure')}: direct training\n{caption}"
         common.courses(folder / f"{name}.png", title, readings + of(("lstm_direct",)), since)
     if task == "task_1":
-        figures.drifting(folder / "figure5_drift.png", f"Readings of the strands, {run}", time_s, volts)
+        thinned = (label["window"] - label["window"].iloc[0]).to_numpy() % kept.THINNED == 0
+        title = f"Readings of the strands, {caption.partition(', ')[2]}"
+        figures.drifting(folder / "figure5_drift.png", title, time_s[thinned], volts[thinned])
     if outputs:
-        title = f"Figure 8: direct training and transfer, {run}"
+        title = f"Figure 8: direct training and transfer\n{caption}"
         common.courses(folder / f"figure8_{task}.png", title, of(tuple(guesses)), since)
 
 
-def draw_time(workspace: Workspace, path: Path, settings: Mapping, dataset: pa.Table) -> None:
+def draw_time(report: Report, path: Path) -> None:
     """Draw the errors of all models in tenths of the test part, which begins where training ended."""
-    panels, rows = {}, tested_rows(dataset, "task_1", settings["protocols"]["task_1"]["seeds"][0])
-    minutes = (np.arange(TIME_BINS) + 0.5) / TIME_BINS * np.ptp(dataset["t_s"].to_numpy()[rows]) / 60
-    for task in (task for task in settings["protocols"] if task != "task_0"):
-        panels[plain(task)] = []
-        for model in settings["models"]:
-            errors = errors_by_time(workspace, settings, dataset, task, model)
-            values = dict(zip(minutes, errors.T, strict=True))
-            panels[plain(task)].append(common.line(model, values))
-    title, names = "Error against time since training ended", ("Time since training ended (min)", ERROR)
-    common.curves(path, panels, title, names, LOG, limits=(0, None))
+    panels, captions = {}, []
+    for task in FIGURES:
+        rows = report.drawn(task)
+        rows = rows[(rows["window"] == kept.WHOLE) & rows["model"].isin(report.models)]
+        if len(rows):
+            captions.append(report.caption(task))
+            panels[plain(task)] = [
+                common.line(model, {at: [error] for at, error in zip(own["t_s"] / 60, own["error"], strict=True)})
+                for model, own in rows.groupby("model", observed=True, sort=False)
+            ]
+    if panels:
+        title = f"Error against time since training ended\n{captions[0].rpartition(', ')[0]}"
+        names = ("Time since training ended (min)", "Test error (mm), mean in a tenth of the test part")
+        common.curves(path, panels, title, names, LOG, limits=(0, None))
 
 
 def errors_beyond(results: Results, models: Iterable[str], settings: Mapping) -> pd.DataFrame:
@@ -126,7 +132,7 @@ def errors_beyond(results: Results, models: Iterable[str], settings: Mapping) ->
     (equation 6 of the scene) in the test part from its range before the test part, as a share of that range.
     """
     columns = {model: results.runs("strain", "task_1", "task_1", model, "error") for model in models}
-    table, scene = pd.DataFrame(columns), settings["simulate"]
+    table, scene = pd.DataFrame(columns).assign(beyond=np.nan), settings["simulate"]
     for seed in table.index:
         finger = scene | {"specimen": scene["specimen"] + seed}
         _, drift = drift_at_samples("task_1", f"run{seed:03d}", finger, settings["sensor"]["channels"])

@@ -1,4 +1,4 @@
-"""Write what the studies found, for people: stability, rightsize, physics and twins, each a folder of reports/.
+"""Write what the studies found, for people: rightsize, physics and twins, each a folder of reports/.
 
 Each function writes README.md and figures into an empty folder, and returns the table that reports/<name>.csv holds, if
 there is one beside the folder.
@@ -14,24 +14,17 @@ import pandas as pd
 
 from pipeline import experiments
 from pipeline.base import files
-from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
 from pipeline.claims import physics as physics_verdicts
 from pipeline.claims import sizes as sizes_verdicts
-from pipeline.claims import stability as stability_verdicts
 from pipeline.experiments import facts
 from pipeline.reporting import tables
 from pipeline.reporting.figures import physics as physics_figures
 from pipeline.reporting.figures import sizes as sizes_figures
-from pipeline.reporting.figures import stability as stability_figures
 from pipeline.reporting.figures import twins as twins_figures
 from pipeline.reporting.words.labels import (
-    MEASURES,
-    capitalised,
-    condition_name,
     experiment_name,
     model_name,
-    perturbation,
     task_name,
 )
 from pipeline.reporting.words.markdown import number
@@ -40,71 +33,10 @@ from pipeline.scoring import one_table, results, shards
 from pipeline.scoring.results import kept_rows
 from pipeline.scoring.studies import FAMILIES, effects
 
-JOINED = {"single_anew": "single", "several": "double"}  # conditions that are drawn in the figure of another one
-STRESS = ["experiment", *stability_verdicts.KEY, "metric", "value"]  # of reports/stress.csv
 TWINS = ["statistic", "unit", "source", "recording", "value", "meaning", "note"]  # of data/<experiment>/twins.csv
 SIDES = ("recorded", "simulated")
 SUMMARY = ["experiment", "statistic", "unit", *(f"{side}{end}" for side in SIDES for end in ("", "_low", "_high"))]
 SUMMARY += ["inside", "meaning", "note"]  # columns of reports/twins.csv
-
-
-def stability(workspace: Workspace, folder: Path, values: Mapping) -> None:
-    """Write failures.csv, heat maps and curves of every experiment in reports/stress.csv.
-
-    Raises InputError where an experiment ran here and a run of the settings is missing.
-    """
-    path = workspace.reports / "stress.csv"
-    stress = results.read_csv(path, STRESS, "python -m pipeline.stages.collect")
-    parts, judged = [], []
-    for experiment in values["experiments"]:
-        runs, reason = stability_verdicts.runs(stress, experiment), why_not_run(workspace, experiment)
-        if reason and runs.empty:
-            parts.append({"title": experiment_name(experiment), "reason": capitalised(reason)})
-            continue
-        settings = values["stress"][experiment]
-        if not reason:
-            protocols = values[experiment]["protocols"]
-            seeds = {name: settings.get("seeds", protocols[name]["seeds"]) for name in settings["protocols"]}
-            stability_verdicts.check(runs, path, experiment, values[experiment]["models"], seeds)
-        judged.append(stability_verdicts.failures(runs, experiment, settings["usable"]))
-        parts += stability_figures_of(runs, judged[-1], experiment, folder)
-    failures = pd.concat(judged or [pd.DataFrame(columns=stability_verdicts.FAILURES)], ignore_index=True)
-    files.write_table(folder / "failures.csv", failures)
-    files.write_text(folder / "README.md", render("stability", parts=parts))
-
-
-def stability_figures_of(runs: pd.DataFrame, judged: pd.DataFrame, experiment: str, folder: Path) -> list[dict]:
-    """Draw an experiment's heat maps and curves, and return what its part of the report holds, by condition."""
-    own = facts(experiment)
-    ylabel = f"{MEASURES[own.metric]} ({own.output_unit})"
-    if own.metric == "accuracy":
-        ylabel = "Share of images classified incorrectly"
-    panels: dict[tuple[str, str], list] = {}
-    for (protocol, condition, name), models in stability_verdicts.curves(runs).items():
-        label, axis, _ = perturbation(name)
-        where = f", {condition_name(experiment, protocol, condition)}" if condition in JOINED else ""
-        drawn_with = JOINED.get(condition, condition)
-        title = f"{experiment_name(experiment)}, {condition_name(experiment, protocol, drawn_with)}"
-        figure = stability_file(experiment, protocol, drawn_with), title
-        panels.setdefault(figure, []).append((capitalised(label + where), axis, models))
-    for (file, title), drawn in panels.items():
-        stability_figures.small_multiples(folder / f"{file}.png", drawn, title, ylabel)
-    parts, severities = [], tables.severities(judged)
-    for (protocol, condition), rows in judged.groupby(["protocol", "condition"], sort=False):
-        name = condition_name(experiment, protocol, condition)
-        file, title = stability_file(experiment, protocol, condition), f"{experiment_name(experiment)}: {name}"
-        drawn = stability_figures.heat_map(folder / f"{file}_heat_map.png", rows, title.replace(":", ",", 1))
-        curves = f"{file}.png" if (folder / f"{file}.png").is_file() else ""
-        figures = {"heat_map": f"{file}_heat_map.png" if drawn else "", "curves": curves}
-        parts.append({"title": title, "reason": "", "table": tables.stability(rows), **figures})
-        parts[-1]["severities"], severities = severities, None
-    return parts
-
-
-def stability_file(experiment: str, protocol: str, condition: str) -> str:
-    """Return the name of the figure of a condition; the protocol alone where it says the condition, too."""
-    said = condition in ("all", protocol) or protocol.endswith(f"_{condition}")
-    return "_".join([experiment, protocol, *([] if said else [condition])])
 
 
 def rightsize(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFrame:

@@ -6,11 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.claims import stability as stability_verdicts
 from pipeline.claims.sizes import NAMES, SCALES, error_of, unit_of
-from pipeline.claims.stability import FAILED, HOLDS, WORSE
 from pipeline.experiments import facts
-from pipeline.reporting.words.labels import capitalised, effect_name, model_name, perturbation, plain, task_name
+from pipeline.reporting.words.labels import capitalised, effect_name, model_name, plain, task_name
 from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.results import Estimate
 
@@ -23,40 +21,6 @@ class Table(NamedTuple):
 
     header: list[str]
     rows: list[list[str]]
-
-
-def stability(failures: pd.DataFrame) -> Table:
-    """Return at which severity each model fails, the smallest relative error first.
-
-    failures: the rows of failures.csv of one condition. A severity with * is where the model is worse than `constant`.
-    """
-    order = stability_verdicts.ranking(failures)
-    perturbations = list(dict.fromkeys(failures["perturbation"]))
-    rows = []
-    for model in dict.fromkeys([*order.index, *failures["model"]]):
-        own = failures[failures["model"] == model].set_index("perturbation")
-        cells = [fails_at(own.loc[name]) for name in perturbations]
-        rows.append([model_name(model), number(order.get(model, np.nan)), *cells])
-    return Table(["Model", "Relative error", *(capitalised(perturbation(name)[0]) for name in perturbations)], rows)
-
-
-def fails_at(row: pd.Series) -> str:
-    """Return the severity at which a model fails, or that it holds up to the last one; row: of failures.csv."""
-    if row["verdict"] in (HOLDS, FAILED):
-        return {HOLDS: HOLDS, FAILED: "failed"}[row["verdict"]]
-    return f"{row['fails_at']:g}" + ("*" if row["verdict"] == WORSE else "")
-
-
-def severities(failures: pd.DataFrame) -> Table:
-    """Return what each perturbation of failures.csv does, and the last severity that was tried."""
-    last = failures.drop_duplicates("perturbation")
-    rows = [
-        [capitalised(name), f"{severity:g}", meaning]
-        for (name, _, meaning), severity in zip(
-            map(perturbation, last["perturbation"]), last["last_severity"], strict=True
-        )
-    ]
-    return Table(["Perturbation", "Last severity", "Severity"], rows)
 
 
 def rightsize(ladder: pd.DataFrame) -> Table:

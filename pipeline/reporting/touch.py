@@ -4,17 +4,17 @@ from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 
-from pipeline.base import files, paths
+import numpy as np
+
+from pipeline.base import files
 from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
 from pipeline.reporting import experiment
 from pipeline.reporting.figures import common
 from pipeline.reporting.figures import touch as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.words import templates
-from pipeline.reporting.words.labels import model_name
-from pipeline.scoring import metrics, studies
-from pipeline.scoring.results import read_predictions, read_windows
+from pipeline.reporting.words.labels import model_name, plain
+from pipeline.scoring import kept, metrics, studies
 
 UNITS = {  # of table1.csv
     "rmse": "kPa",
@@ -31,16 +31,16 @@ MAP_MODELS = ("rnn", "cnn", "lomp")  # of figure 8
 SEVERAL_TOUCHES = {"double", "three", "slide", "tape"}  # conditions of figure 8
 
 
-def write(workspace: Workspace, target: Path, settings: Mapping) -> None:
+def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> None:
     """Write the report of `touch`; see `experiment`."""
-    accuracy, report = target / "accuracy", Report(workspace, "touch", settings)
+    accuracy, report = target / "accuracy", Report(workspace, "touch", settings, look)
     main = next(iter(settings["protocols"]))
     present = report.conditions(main)
     conditions = [name for name in CONDITIONS if name in present] + sorted(set(present) - set(CONDITIONS))
     runs = product(settings["protocols"], conditions, settings["models"], UNITS)
     files.write_table(accuracy / "table1.csv", report.scores(runs, UNITS, with_published=True))
-    draw(workspace, accuracy, settings, main)
-    experiment.learning_curves(workspace, accuracy / "learning_curves.png", "touch", settings, {main: main}, "kPa²")
+    draw(report, accuracy, settings, main)
+    experiment.learning_curves(report, accuracy / "learning_curves.png", {plain(main): main}, "kPa²")
     report.write(
         accuracy / "README.md",
         "touch",
@@ -82,25 +82,28 @@ def ablation(report: Report, protocol: str, frames: int) -> list[dict]:
     return found
 
 
-def draw(workspace: Workspace, folder: Path, settings: Mapping, protocol: str) -> None:
-    """Draw the paper's figures, those of predictions of the first run of a protocol."""
-    seed, table = settings["protocols"][protocol]["seeds"][0], read_windows(workspace, "touch")
-    windows = figures.windows_of(table, settings, protocol, seed)
-    maps = {}
-    for model in settings["models"]:
-        predicted = read_predictions(workspace, "touch", model, protocol, seed, table)
-        maps[model] = predicted[windows.rows].reshape(windows.truth.shape)
+def draw(report: Report, folder: Path, settings: Mapping, protocol: str) -> None:
+    """Draw the paper's figures, those of predictions where the first run of a protocol is kept."""
     figures.characteristic_curve(folder / "figure2b.png", settings["simulate"]["material"]["resistance_scale_ohm"])
-    figures.peak_pressure(folder / "figure4.png", windows, maps)
-    path = paths.require(workspace.frames("touch"), "python -m pipeline.stages.ingest touch")
-    frames = schemas.read(path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
-    figures.press_location(folder / "figure5.png", frames, settings)
-    present, sensor = set(windows.condition), settings["sensor"]
-    if "double" in present:
-        figures.double_touch(folder / "figure6.png", windows, maps, sensor)
-    figures.error_distribution(folder / "figure7.png", windows, maps)
-    if present & SEVERAL_TOUCHES:
+    rows, caption, sensor = report.drawn(protocol), report.caption(protocol), settings["sensor"]
+    if rows.empty:
+        return
+    windows, maps = figures.windows_of(rows, settings)
+    figures.peak_pressure(folder / "figure4.png", windows, maps, caption)
+    figures.press_location(folder / "figure5.png", rows[rows["model"] == kept.READING], settings)
+    if windows.touched.any():
+        figures.double_touch(folder / "figure6.png", windows, maps, sensor, caption)
+    figures.error_distribution(folder / "figure7.png", windows, maps, caption)
+    if set(windows.condition) & SEVERAL_TOUCHES:
         title = "Figure 8: from readings to a pressure map; grid lines are the borders of the elements"
-        shown = {model: maps[model] for model in MAP_MODELS if model in maps}
-        chosen = figures.shown_maps(windows)
-        common.maps(folder / "figure8.png", title, chosen, windows.counts, windows.truth, shown, sensor)
+        label = settings["label"]
+        names = [name for name in figures.MAP_NAMES if (windows.mapped & (windows.condition == name)).any()]
+        at = [int(np.flatnonzero(windows.mapped & (windows.condition == name))[0]) for name in names]
+        drawn = {
+            model: np.stack(maps[model]["map"].iloc[at]).reshape(-1, label["map_rows"], label["map_cols"])
+            for model in (kept.LABEL, *MAP_MODELS)
+            if model in maps
+        }
+        truth = drawn.pop(kept.LABEL).astype(float)
+        named = [figures.MAP_NAMES[name] for name in names]
+        common.maps(folder / "figure8.png", f"{title}\n{caption}", named, windows.counts[at], truth, drawn, sensor)

@@ -1,5 +1,7 @@
 """Read the one table of results: scores, times, counts and studies, one row for each number of a seed.
 
+There are two of them: that of the evidence, which people read, and that of what `dvc repro` computed here, the look.
+
 A row says what was measured (experiment, protocol, condition, model, variant, metric), of which seed, with which budget
 of training, and the value, NaN for a failed run. A row without a protocol, a seed or a budget is of all of them. What
 `dvc repro` trains is of the budget `look`, the committed shards of the evidence are of `half` and `full`.
@@ -11,10 +13,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards, units
-from pipeline.scoring.claim_inputs import COLUMNS, FULL, HALF, KEY, LOOK
+from pipeline.scoring import shards, times, units
+from pipeline.scoring.claim_inputs import COLUMNS, DERIVED_METRICS, FULL, HALF, KEY, LOOK
 from pipeline.scoring.published import ANY
 from pipeline.scoring.results import Estimate, estimate, read_csv, scale_of
 from pipeline.scoring.strain_results import LATENT
@@ -22,6 +25,7 @@ from pipeline.scoring.strain_results import LATENT
 PRINTED_SHAPE = "printed_shape"  # variant: a count at the input that the paper's is of
 MADE_BY = "dvc repro"
 SIMULATED = "simulated"  # source of an experiment whose logs are not the user's own
+TRAIN_S = "train_s"  # metric: seconds of a training
 WHOLE = "whole"  # column: whether the value is an error of a whole run, as scores.csv has them
 
 
@@ -44,12 +48,19 @@ class Results:
         groups = rows.groupby([*KEY, "budget"]).indices
         seeds, numbers = rows["seed"].to_numpy(), rows["value"].to_numpy(float)
         self._runs = {key: pd.Series(numbers[at], index=seeds[at]).sort_index() for key, at in groups.items()}
-        budgets = rows.groupby(["experiment", "protocol"])["budget"].unique()
-        self._shown = {key: next((at for at in (FULL, HALF) if at in known), LOOK) for key, known in budgets.items()}
+        scored = rows[
+            rows["metric"] != TRAIN_S
+        ]  # a solved model's seconds are of the budget of its shard, not its scores
+        budgets = scored.groupby(["experiment", "protocol", "variant"])["budget"].unique()
+        self._shown = {key: at for key, known in budgets.items() for at in (HALF, FULL) if at in known}
 
-    def shown(self, experiment: str, protocol: str) -> str:
-        """Return the budget whose numbers people read: that of the evidence, or the look where it has no shard."""
-        return self._shown.get((experiment, protocol), LOOK)
+    def shown(self, experiment: str, protocol: str, variant: str = "") -> str:
+        """Return the budget whose numbers people read: that of the evidence, or the look where it has no shard.
+
+        A variant that the evidence has at no budget of its own is of the same one as the models in the tables.
+        """
+        places = [(experiment, protocol, name) for name in (variant, "")]
+        return next((self._shown[place] for place in places if place in self._shown), LOOK)
 
     def found(
         self, experiment: str, protocol: str, condition: str, model: str, metric: str, variant: str, budget: str
@@ -83,7 +94,7 @@ class Results:
         budget: str = "",
     ) -> pd.Series:
         """Return the values of `found`, of the budget that is shown where none is given."""
-        budget = budget or self.shown(experiment, protocol)
+        budget = budget or self.shown(experiment, protocol, variant)
         return self.found(experiment, protocol, condition, model, metric, variant, budget)[0]
 
     def estimate(self, *where: str, **further: str) -> Estimate:
@@ -95,12 +106,6 @@ class Results:
         """Return the rows whose columns have these values."""
         chosen = np.logical_and.reduce([self.table[name] == value for name, value in columns.items()])
         return self.table[chosen]
-
-
-def of_reports(folder: Path) -> dict[str, Path]:
-    """Return the files of results in a folder of reports, which are of all experiments."""
-    names = ("scores", "latency", "counts", "claim_inputs")
-    return {name: folder / f"{name}.csv" for name in names} | {"drift": folder / "strain" / "accuracy" / "drift.csv"}
 
 
 def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path | list[Path]]:
@@ -117,27 +122,37 @@ def of_own_logs(values: Mapping) -> list[str]:
     return [name for name in values["experiments"] if values[name].get("source", SIMULATED) != SIMULATED]
 
 
-def results(workspace: Workspace, own: Collection[str], experiment: str = "") -> Results:
-    """Return all results: those in reports/, or that the stages of one experiment wrote, and the evidence.
+def of_look(workspace: Workspace, experiment: str, own: bool = False) -> Results:
+    """Return what the stages of one experiment computed here; own: of own logs, where the look is all that there is."""
+    table = read(of_experiment(workspace, experiment))
+    budget = table["budget"].where(table["budget"] != LOOK, FULL) if own else table["budget"]
+    return Results(table.assign(budget=budget))
 
-    own: see `of_own_logs`; their trainings are no look at anything, but all that there is.
+
+def results(workspace: Workspace, own: Collection[str], experiment: str = "") -> Results:
+    """Return the evidence, of all experiments or of one, with what was timed for it and counted.
+
+    own: see `of_own_logs`; the evidence has nothing of them.
     """
-    table = read(of_experiment(workspace, experiment) if experiment else of_reports(workspace.reports))
-    table["budget"] = table["budget"].where(~table["experiment"].isin(own) | (table["budget"] != LOOK), FULL)
     kept = shards.read(workspace)
-    wanted = ~kept["experiment"].isin(own) & ((kept["experiment"] == experiment) | (experiment == ""))
-    return Results(pd.concat([table, kept[wanted].assign(**{WHOLE: False})], ignore_index=True))
+    timed = [_times(times.predictions(workspace, name)) for name in experiments.NAMES]
+    derived = kept["metric"].isin(DERIVED_METRICS) | kept["metric"].str.endswith(units.SUFFIX)
+    kept = kept.assign(**{WHOLE: ~derived & kept["variant"].fillna("").eq("")})
+    further = read({"counts": workspace.reports / "counts.csv", "drift": workspace.study("strain", "drift")})
+    table = pd.concat([further, *timed, kept], ignore_index=True)
+    table = table[~table["experiment"].isin(own) & ((table["experiment"] == experiment) | (experiment == ""))]
+    return Results(table.astype({WHOLE: object}).fillna({WHOLE: False}).astype({WHOLE: bool}))
 
 
 def read(files: Mapping[str, Path | list[Path]]) -> pd.DataFrame:
     """Return the results in files, columns COLUMNS of claim_inputs and WHOLE; a file that is missing has no rows.
 
-    files: see `of_reports`. Raises InputError for a file without the columns that are read.
+    files: see `of_experiment`. Raises InputError for a file without the columns that are read.
     """
     parts = [(name, path) for name, at in files.items() for path in ([at] if isinstance(at, Path) else at)]
     tables = [TABLES[name](path) for name, path in parts if path.exists()] or [pd.DataFrame(columns=COLUMNS)]
     together = pd.concat([table.reindex(columns=[*COLUMNS, WHOLE]).astype(object) for table in tables])
-    return together.infer_objects().fillna({WHOLE: False}).astype({WHOLE: bool, "value": float})
+    return together.infer_objects().astype({WHOLE: object}).fillna({WHOLE: False}).astype({WHOLE: bool, "value": float})
 
 
 def _scores(path: Path) -> pd.DataFrame:
@@ -149,9 +164,8 @@ def _scores(path: Path) -> pd.DataFrame:
     return table.assign(value=table["value"].where(~lost), budget=LOOK, **{WHOLE: True})
 
 
-def _times(path: Path) -> pd.DataFrame:
-    """Return the median times of latency.csv at the first batch size."""
-    table = read_csv(path, ["experiment", "model", "batch", "p50_ms"], MADE_BY)
+def _times(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the median times at the first batch size; table: latency.csv, or of `times.predictions`."""
     first = table[table["batch"] == table.groupby("experiment")["batch"].transform("min")]
     return first[["experiment", "model"]].assign(condition=ANY, metric="p50_ms", unit="ms", value=first["p50_ms"])
 
@@ -175,7 +189,7 @@ def _drift(path: Path) -> pd.DataFrame:
 
 TABLES: dict[str, Callable[[Path], pd.DataFrame]] = {
     "scores": _scores,
-    "latency": _times,
+    "latency": lambda path: _times(read_csv(path, ["experiment", "model", "batch", "p50_ms"], MADE_BY)),
     "counts": _counts,
     "claim_inputs": lambda path: read_csv(path, COLUMNS, MADE_BY),
     "drift": _drift,

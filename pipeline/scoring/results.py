@@ -1,8 +1,7 @@
 """Read scores, fits, times and predictions for the reports. A missing file or row is an error, no gap.
 
-But where this machine has no recordings, the committed results on them are kept. A stage that writes a table of several
-experiments takes their rows from the file that it replaces: its output has `persist` in dvc.yaml, so that DVC leaves
-the file until then.
+But where this machine has no recordings, the recorded side of the twins is kept: its stage takes the rows from the
+file that it replaces, an output that has `persist` in dvc.yaml, so that DVC leaves the file until then.
 """
 
 import io
@@ -193,9 +192,12 @@ def read_fit(workspace: Workspace, experiment: str, model: str, protocol: str, s
     return Fit(fit["best_epoch"], history)
 
 
-def read_windows(workspace: Workspace, experiment: str) -> pa.Table:
-    """Read the dataset's table."""
-    return schemas.read(paths.require(workspace.dataset(experiment), f"python -m pipeline.stages.dataset {experiment}"))
+def read_windows(
+    workspace: Workspace, experiment: str, columns: Sequence[str] = (), where: pc.Expression | None = None
+) -> pa.Table:
+    """Read the dataset's table, or these columns and the rows `where` something holds of it."""
+    made_by = f"python -m pipeline.stages.dataset {experiment}"
+    return schemas.read(paths.require(workspace.dataset(experiment), made_by), columns, where)
 
 
 def read_predictions(
@@ -205,41 +207,45 @@ def read_predictions(
 
     Raises InputError where a test window has no prediction.
     """
+    test = np.flatnonzero(schemas.names(windows[schemas.split_column(protocol, seed)]) == "test")
+    predicted = read_tested(workspace, experiment, model, protocol, seed, test)
+    result = np.full((windows.num_rows, predicted.shape[1]), np.nan, np.float32)
+    result[test] = predicted
+    return result
+
+
+def read_tested(
+    workspace: Workspace, experiment: str, model: str, protocol: str, seed: int, test: np.ndarray
+) -> np.ndarray:
+    """Read the predictions of one run on the rows `test` (n,) of the dataset, rising, (n, outputs).
+
+    Raises InputError where other rows than these were predicted.
+    """
     made_by = f"python -m pipeline.stages.evaluate {experiment}"
     path = paths.require(workspace.predictions(experiment) / f"{model}.parquet", made_by)
     table = schemas.read(path)
     table = table.filter(
         (pc.field("protocol").cast("string") == protocol) & (pc.field("seed") == seed)
     ).combine_chunks()
-    test = np.flatnonzero(schemas.names(windows[schemas.split_column(protocol, seed)]) == "test")
     rows = table["window"].to_numpy()
-    if not np.array_equal(np.sort(rows), test):
+    order = np.argsort(rows, kind="stable")
+    if not np.array_equal(rows[order], test):
         raise InputError(
             f"{path}: {len(rows)} predictions of {protocol} seed {seed} do not match the "
             f"{len(test)} test windows; run `{made_by}` again"
         )
-    result = np.full((windows.num_rows, table.schema.field("prediction").type.list_size), np.nan, np.float32)
-    result[rows] = schemas.matrix(table["prediction"])
-    return result
+    return schemas.matrix(table["prediction"])[order]
 
 
-def kept_rows(path: Path, experiments: Collection[str], text: bool = False) -> pd.DataFrame:
-    """Return the rows of a table that are of these experiments, and say so; none where there is no such file.
-
-    Numbers are read to the last digit; text: everything is left as text.
-    """
+def kept_rows(path: Path, experiments: Collection[str]) -> pd.DataFrame:
+    """Return the rows of a committed table that are of these experiments, and say so; none where there is no file."""
     if not path.is_file():
         return pd.DataFrame(columns=["experiment"])
-    how = {"dtype": str, "keep_default_na": False} if text else {}
     with foreign.reading(path, "a CSV table", "get it again from git, or delete it"):
-        table = pd.read_csv(path, **how)
+        table = pd.read_csv(path)
         table["experiment"]  # KeyError where it is another table
     rows = table[table["experiment"].isin(experiments)]
     if len(rows):
-        say_kept(path.name, rows["experiment"].unique())
+        names = ", ".join(rows["experiment"].unique())
+        print(f"{path.name}: kept from the committed results: {names}; `tactile fetch` gets the recordings")
     return rows
-
-
-def say_kept(place: str, names: Collection[str]) -> None:
-    """Print which results in a file or folder are not of this machine."""
-    print(f"{place}: kept from the committed results: {', '.join(names)}; `tactile fetch` gets the recordings")

@@ -7,11 +7,13 @@ evidence/shards.yaml are sets, one for each amount of data; shards are called `<
 * studies/<experiment>/<table>-<seed>.csv: in place of that, the tables of a study, a set with the key `study`.
 * stress/<shard>.csv: rows as those of results, on perturbed readings and scenes; severity 0 is without.
 * curves/<shard>.csv: losses over epochs, CURVE_POINTS of each training.
-* index.csv: of each shard its digest, costs, machine and commit; times.csv: seconds of each training.
+* kept/<shard>.parquet: what figures draw of it, see `kept`. Not every shard has this and stress.
+* index.csv: of each shard its digest, costs, machine and commit, and a digest of what it has of `kept` and `stress`;
+  times.csv: seconds of each training.
 """
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,7 +29,10 @@ from pipeline.settings.shards import ShardSet
 BUDGETS = (HALF, FULL)
 STRESS = [*COLUMNS, "perturbation", "severity"]
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
+INDEX += ["kept_sha256"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
+CARD = ", "  # in a machine's name: that of its card, or another torch, comes after the processor's
+SHARD = "shard"  # column of those tables, and of the rows of `read`
 STUDY = "study"  # in the column `protocol` of index.csv, for a study
 NUMBERS = {"seed": int, "epochs": float, "core_s": float, "train_s": float}  # columns of both
 MADE_BY = "tactile evidence"
@@ -112,9 +117,38 @@ def result_file(workspace: Workspace, shard: str) -> Path:
     return folder(workspace) / "results" / f"{shard}.csv"
 
 
+def kept_file(workspace: Workspace, shard: str) -> Path:
+    """Return the file that keeps what figures draw of a shard of this name."""
+    return folder(workspace) / "kept" / f"{shard}.parquet"
+
+
 def stress_file(workspace: Workspace, shard: str) -> Path:
     """Return the file that keeps what the models of a shard score on perturbed readings and scenes."""
     return folder(workspace) / "stress" / f"{shard}.csv"
+
+
+def kept_sha256(workspace: Workspace, shard: str) -> str:
+    """Return the digest of what a shard has of `kept_file` and `stress_file`; empty where it has neither."""
+    there = [path for name in (kept_file, stress_file) if (path := name(workspace, shard)).exists()]
+    return digest(there) if there else ""
+
+
+def checked(
+    workspace: Workspace, file: Callable[[Workspace, str], Path], experiment: str = ""
+) -> Iterator[tuple[pd.Series, Path]]:
+    """Yield (line of the index, file) of the shards that have one; file: `kept_file` or `stress_file`.
+
+    experiment: the only one that is asked for, or every one. Raises InputError where a file is not as indexed.
+    """
+    index = folder(workspace) / "index.csv"
+    for _, row in table(index, INDEX).iterrows():
+        if experiment not in ("", row["experiment"]):
+            continue
+        path = file(workspace, row["shard"])
+        if kept_sha256(workspace, row["shard"]) != row["kept_sha256"]:
+            raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row['shard']}` again")
+        if path.exists():
+            yield row, path
 
 
 def study_file(workspace: Workspace, experiment: str, table: str, seed: int) -> Path:
@@ -159,35 +193,59 @@ def upsert(path: Path, columns: list[str], shard: str, rows: list[dict]) -> None
 
 
 def read(workspace: Workspace) -> pd.DataFrame:
-    """Return the rows of all committed shards; of metric `train_s` the seconds of each training, on a core or a card.
+    """Return the rows of all committed shards; of metric `train_s` the seconds of trainings.
 
-    None where there are none. Raises InputError where a file is not as indexed.
+    The last column, `shard`, names the shard that a row is of. What no epochs change is in a seed's shard at `full` and
+    in that at `half`, which another machine may have computed: the former counts. The times are of one machine for each
+    experiment and protocol, see `timed_on`. None where none are. Raises InputError where a file is not as indexed.
     """
-    tables = [pd.DataFrame(columns=[*COLUMNS, "of"])]
-    index, times = folder(workspace) / "index.csv", table(folder(workspace) / "times.csv", TIMES)
-    of_shard = dict(list(times.astype({"seed": int, "train_s": float}).groupby("shard")))
-    for row in table(index, INDEX).itertuples():
+    tables = [pd.DataFrame(columns=[*COLUMNS, SHARD, "of"])]
+    index, times = folder(workspace) / "index.csv", trainings(workspace)
+    splits = [runs[runs["machine"] == timed_on(runs)] for _, runs in times.groupby(["experiment", "protocol"])]
+    of_shard = dict(list(pd.concat([times[:0], *splits]).sort_index().groupby("shard")))
+    lines = table(index, INDEX)
+    whole = set(lines["shard"])
+    for row in lines.itertuples():
         if row.protocol == STUDY:
             continue
         path = paths.require(result_file(workspace, row.shard), MADE_BY)
         if files.sha256(path) != row.sha256:
             raise InputError(f"{path}: not the file that {index} tells of; run `{MADE_BY} {row.shard}` again")
         rows = read_csv(path, COLUMNS, MADE_BY)
-        tables.append(rows.assign(of=int(row.seed or 0)))
+        if row.budget == HALF and f"{row.shard.removesuffix(HALF)}{FULL}" in whole:
+            rows = rows[rows["budget"].notna()]
+        tables.append(rows[COLUMNS].assign(**{SHARD: row.shard, "of": int(row.seed or 0)}))
         if row.shard in of_shard:
-            tables.append(_training_times(of_shard[row.shard], rows, row.budget))
+            tables.append(_training_times(of_shard[row.shard], rows))
     return _once(pd.concat(tables, ignore_index=True))
 
 
+def trainings(workspace: Workspace) -> pd.DataFrame:
+    """Return times.csv with experiment, budget and machine of each training's shard; no row where there is none."""
+    index = table(folder(workspace) / "index.csv", INDEX)[["shard", "experiment", "budget", "machine"]]
+    times = table(folder(workspace) / "times.csv", TIMES).merge(index, on="shard")
+    return times.astype({"seed": int, "epochs": float, "train_s": float})
+
+
+def timed_on(runs: pd.DataFrame) -> str:
+    """Return the machine that made the most full trainings, of two that made as many the one without a card.
+
+    Where none is full, that of the most trainings; seconds of two machines are no two values of one time. runs: of
+    `trainings`; empty where there are none.
+    """
+    full = runs[runs["budget"] == FULL]
+    made = (full if len(full) else runs)["machine"].value_counts()
+    return min(made.index, key=lambda name: (-made[name], CARD in name, name), default="")
+
+
 def stress(workspace: Workspace) -> pd.DataFrame:
-    """Return what the models of all committed shards scored under stress, columns STRESS; no row where none has any."""
-    tables = [pd.DataFrame(columns=STRESS, dtype=object)]
-    tables += [
-        read_csv(path, STRESS, MADE_BY).astype({"variant": object, "budget": object})
-        for shard in table(folder(workspace) / "index.csv", INDEX)["shard"]
-        if (path := stress_file(workspace, shard)).exists()
-    ]
-    together = pd.concat(tables[1:] or tables, ignore_index=True)
+    """Return what the models of all committed shards scored under stress, columns STRESS; no row where none has any.
+
+    Raises InputError where a file is not as indexed.
+    """
+    found = [path for _, path in checked(workspace, stress_file)]
+    tables = [read_csv(path, STRESS, MADE_BY).astype({"variant": object, "budget": object}) for path in found]
+    together = pd.concat(tables or [pd.DataFrame(columns=STRESS, dtype=object)], ignore_index=True)
     return together.fillna({"variant": "", "budget": ""})
 
 
@@ -200,12 +258,12 @@ def _once(rows: pd.DataFrame) -> pd.DataFrame:
     of_data = rows[rows["model"] == DATA].sort_values("of", kind="stable")
     former = of_data.index[of_data.duplicated([*KEY, "seed", "budget"], keep="last")]
     rows = rows.drop(index=former, columns="of")
-    return rows[~rows.assign(value=[float(f"{value:.9g}") for value in rows["value"]]).duplicated()]
+    return rows[~rows.assign(value=[float(f"{value:.9g}") for value in rows["value"]]).duplicated(COLUMNS)]
 
 
-def _training_times(times: pd.DataFrame, rows: pd.DataFrame, budget: str) -> pd.DataFrame:
-    """Return the lines of times.csv of one shard as rows of the one table; rows: those of its results."""
+def _training_times(times: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the trainings of one shard as rows of the one table; rows: those of its results."""
     variants = rows.drop_duplicates("model").set_index("model")["variant"]
-    place = {"experiment": rows["experiment"].iloc[0], "condition": times["protocol"], "budget": budget}
+    place = {"condition": times["protocol"]}
     place |= {"variant": times["model"].map(variants), "metric": "train_s", "unit": "s", "value": times["train_s"]}
-    return times.assign(**place).reindex(columns=COLUMNS)
+    return times.assign(**place).reindex(columns=[*COLUMNS, SHARD])

@@ -74,7 +74,8 @@ class Tested(Block):
 
     protocols: Distinct[Text] = Field(description="Protocols whose trained models are tested")
     usable: dict[Text, Positive] = Field(
-        description="Largest error at which a model is still usable, by protocol, in the unit of the experiment's error"
+        description="Largest error at which a model is still usable, by protocol, in the unit of the experiment's "
+        "error; of one condition of a protocol, `protocol/condition`"
     )
     recordings: dict[Text, Annotated[int, Field(ge=1, le=100_000)]] = Field(
         default={}, description="Of windows: how many recordings of a condition, the first, are perturbed"
@@ -82,7 +83,8 @@ class Tested(Block):
 
     @model_validator(mode="after")
     def _usable_for_each(self) -> "Tested":
-        if set(self.usable) != set(self.protocols):
+        of_conditions = {name for name in self.usable if name.partition("/")[0] in self.protocols and "/" in name}
+        if set(self.usable) - of_conditions != set(self.protocols):
             raise ValueError(f"usable should have these keys: {', '.join(self.protocols)}")
         return self
 

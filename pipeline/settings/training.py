@@ -9,6 +9,28 @@ from pipeline.settings.shared import Block, Count, CountOrNone, Fraction, Positi
 LearningRate = Annotated[float, Field(ge=1e-9, le=10)]
 
 
+class Faults(Block):
+    """What goes wrong with the readings that a network is trained on, see learning/faults.py.
+
+    Each window, stretch of a series, press of a stream or image of a batch has faults of its own.
+    """
+
+    dead: Fraction = Field(description="Probability that an element is dead, so their mean share")
+    gain: Annotated[float, Field(ge=0, le=3)] = Field(description="Spread of log gain between elements")
+    offset: Fraction = Field(description="Spread of offsets between elements, share of the range")
+
+    @model_validator(mode="after")
+    def _is_a_fault(self) -> "Faults":
+        if not (self.dead or self.gain or self.offset):
+            raise ValueError("dead, gain and offset are all 0; give one of them, or leave the block out")
+        return self
+
+
+WithFaults = Annotated[
+    Faults, Field(description="Faults drawn anew in every batch; without this key, readings are as they are")
+]
+
+
 class ScheduledTraining(Block):
     """A set number of epochs over which the learning rate rises and falls to zero, see `training.Schedule`.
 
@@ -23,6 +45,7 @@ class ScheduledTraining(Block):
         default="float32",
         description="Number format of products in training; bfloat16 where the device has instructions for it",
     )
+    faults: WithFaults = None
 
 
 class WindowTraining(ScheduledTraining):
@@ -52,6 +75,7 @@ class SequenceTraining(Block):
         "are faster, but forget what lies before a piece"
     )
     batch: Count = Field(description="Pieces, drawn anew in every epoch, that an update sees side by side")
+    faults: WithFaults = None
 
 
 class StretchTraining(Block):
@@ -67,6 +91,7 @@ class StretchTraining(Block):
     length: Count = Field(description="Samples of a stretch")
     warm_up: CountOrNone = Field(description="First samples of a stretch that do not count in the loss")
     clip: Positive = Field(description="Norm to which gradients are clipped")
+    faults: WithFaults = None
 
     @model_validator(mode="after")
     def _something_counts(self) -> "StretchTraining":

@@ -31,7 +31,7 @@ from pipeline import experiments
 from pipeline.base import paths
 from pipeline.base.paths import Workspace
 from pipeline.base.stress_tests import FRAMES, SCENE, StressTest
-from pipeline.datasets import images, schemas
+from pipeline.datasets import images, levels, schemas
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import glove_stress
 from pipeline.scoring import classification, metrics
@@ -39,7 +39,6 @@ from pipeline.stability import run
 from pipeline.tasks import images as tasks_images
 
 AREAS = ("pressure", "strain")
-LOW_PERCENTILE = 5
 
 
 class Area(NamedTuple):
@@ -120,21 +119,12 @@ def read(workspace: Workspace, experiment: str, settings: Mapping, part: np.ndar
     areas = {}
     for name in AREAS:
         readings = schemas.matrix(table[name]).astype(float)
-        trained_on = readings[train]
-        lowest, highest, lines = device(module, name)
-        rest = np.percentile(trained_on, LOW_PERCENTILE, axis=0)
-        areas[name] = Area(readings, trained_on.any(axis=0), float(np.ptp(trained_on)), rest, lowest, highest, lines)
+        lowest, highest, lines = tasks_images.device(module, name)
+        of = levels.of_area(
+            readings[train], lowest, highest, pa.types.is_integer(table.schema.field(name).type.value_type)
+        )
+        areas[name] = Area(readings, of.wired, of.span, of.rest, lowest, highest, lines)
     return Frames(table, chosen[part == "test"], areas)
-
-
-def device(module, area: str) -> tuple[float, float, tuple[tuple[int, int], ...]]:
-    """Return the range of an area's readings and its matrices; module: of an experiment on images."""
-    if hasattr(module, "MATRICES"):
-        if area == "strain":
-            return -module.IMPOSSIBLE_DEG, module.IMPOSSIBLE_DEG, ()
-        return 0, module.FULL_SCALE, module.MATRICES
-    of_glove = images.GLOVE[area]
-    return of_glove.lowest, of_glove.highest, ((of_glove.rows, of_glove.cols),)
 
 
 def stressed(

@@ -27,7 +27,7 @@ import pyarrow as pa
 from pipeline import experiments, scenes
 from pipeline.base.errors import InputError
 from pipeline.base.stress_tests import SAMPLES, SCENE, StressTest, stress_test
-from pipeline.datasets import schemas, series
+from pipeline.datasets import levels, schemas, series
 from pipeline.datasets.seeding import generator
 from pipeline.logs import alignment, parse
 from pipeline.scenes import strain_stress
@@ -36,7 +36,6 @@ from pipeline.stability import run
 from pipeline.tasks import series as tasks_series
 
 METRICS = ("error", "r2", "press_error")
-LOOSE_V = 3.15  # what the board of the recorded sensors reads of a strand that has come loose
 WARM_UP = 3000  # samples before the test part from which a model starts if it then predicts the same, to SAME_MM
 SAME_MM = 1e-3
 
@@ -50,10 +49,7 @@ def time(minutes: np.ndarray, severity: float, severities: Sequence[float]) -> n
 
 def training_levels(pieces: list[series.Piece], settings: Mapping) -> dict:
     """Return range and rest of each channel, and what a loose strand reads; pieces: all recordings of a run."""
-    x = np.concatenate([piece.record.x[piece.record.training] for piece in pieces])
-    free = np.concatenate([(piece.record.press < 0)[piece.record.training] for piece in pieces])
-    loose = settings["simulate"]["circuit"]["supply_v"] if "simulate" in settings else LOOSE_V
-    return {"span": np.ptp(x, axis=0), "rest": np.median(x[free], axis=0), "low": loose}
+    return levels.of_series([piece.record for piece in pieces], settings)._asdict()
 
 
 class Changed(NamedTuple):

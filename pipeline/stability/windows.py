@@ -1,10 +1,9 @@
 """Stress of models of windows (the array, the recorded taxel): windows with changed readings, or of a changed scene.
 
 Readings. All test windows of a run are changed at once, so that the same elements fail in all conditions. The sensor's
-range, the `span` of noise and offset, is the ADC's (touch) or what was read in training (the recorded taxel, whose
-readings have no unit); readings are clipped to it, counts are rounded. What an element reads at rest, for the gain, is
-its median over the training windows that end without a touch, or over all where no force is known. A dead element or
-line reads the lowest value of the range. Frames are lost or late within a window, each on its own.
+range, the `span` of noise and offset, and what an element reads at rest, for the gain, are those of
+`datasets/levels.py`; readings are clipped to the range, counts are rounded. A dead element or line reads the lowest
+value of the range. Frames are lost or late within a window, each on its own.
 
 Scenes (touch, where it is simulated). `scenes/touch_stress.py` writes logs to a temporary folder; they go through the
 ingest, the windows and the labels of the experiment, once for all models (`simulate_scenes`).
@@ -27,7 +26,7 @@ from pipeline import experiments, scenes
 from pipeline.base import files, workers
 from pipeline.base.paths import Workspace
 from pipeline.base.stress_tests import SCENE, StressTest
-from pipeline.datasets import schemas
+from pipeline.datasets import levels, schemas
 from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
 from pipeline.datasets.windows import Dataset, read_dataset
@@ -205,18 +204,9 @@ class Levels(NamedTuple):
     @classmethod
     def seen(cls, settings: Mapping, data: Dataset, train: np.ndarray) -> "Levels":
         """Return the levels of the training windows; train: (n of data,) bool."""
-        readings, highest_count = data.x[train], settings["ingest"].get("highest_count")
-        if highest_count:
-            low, high = 0.0, float(highest_count)
-        else:
-            low, high = float(readings.min()), float(readings.max())
-        untouched = readings
-        if "force_n" in data.rows.column_names:
-            force_n = np.nansum(schemas.matrix(data.rows["force_n"]), axis=1)[train]
-            untouched = readings[force_n < settings["window"]["contact_threshold_n"]]
-        rest = np.median(untouched if len(untouched) else readings, axis=(0, 1))
+        of = levels.of_windows(settings, data, train)
         sensor = {key: settings["sensor"][key] for key in ("rows", "cols")}
-        return cls({"span": high - low, "rest": rest, "low": low} | sensor, low, high, bool(highest_count))
+        return cls({"span": of.span, "rest": of.rest, "low": of.low} | sensor, of.lowest, of.highest, of.whole)
 
     def changed(self, x: np.ndarray, test: StressTest, severity: float, rng: np.random.Generator) -> np.ndarray:
         """Return windows x (n, frames, elements) after a test of readings."""

@@ -1,11 +1,11 @@
-"""Compare this machine's scores with the committed ones, those of git's HEAD: reports/agreement.md.
+"""Compare this machine's scores with the committed ones of evidence/look.csv: reports/look/agreement.md.
 
 Networks are trained to other last digits by other processors, and from there apart; how far apart a number may be is
-measured by how far apart the seeds are. The report is of this machine and this moment, so neither git nor DVC keeps it.
-Usage: python -m pipeline.stages.agreement
+the spread over starts and specimens that the evidence has for it. The report is of this machine and this moment, so
+neither git nor DVC keeps it. With `accept`, the scores of this machine become the committed ones; those of experiments
+that did not run here stay.
+Usage: python -m pipeline.stages.agreement [accept]
 """
-
-import subprocess
 
 import numpy as np
 import pandas as pd
@@ -13,25 +13,56 @@ import pandas as pd
 from pipeline.base import arguments, files, params
 from pipeline.base.paths import Workspace
 from pipeline.reporting.words.markdown import table
-from pipeline.scoring import results
+from pipeline.scoring import results, shards
+from pipeline.scoring.claim_inputs import FULL, HALF
 
 GROUP = ["experiment", "protocol", "condition", "model", "metric"]
 KEY = [*GROUP, "seed"]
+ROWS = [*KEY, "unit", "value", "n"]  # of look.csv
 LEAST = 0.02  # of the value: three seeds can be closer together by chance than other digits may take them apart
 ROUNDING = 1e-6
 VERDICTS = ("to the bit", "to six digits", "within tolerance", "beyond", "only here", "only committed")
 LISTED = 50  # of the numbers that do not agree
-COMMITTED = "HEAD:./reports/scores.csv"  # of git, relative to the repository's root
+ACCEPT = "accept"
+COMMITTED = "evidence/look.csv"
 
 
-def compare(committed: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
+def spreads(evidence: pd.DataFrame) -> pd.Series:
+    """Return (*GROUP) -> standard deviation over the seeds of the evidence's scores, as of `shards.read`.
+
+    It is that at the full budget, or at half where no more was run; of errors in units of their mean, for a look trains
+    less and has larger ones. Without seeds to compare there is none.
+    """
+    rows = evidence[evidence["variant"].fillna("") == ""]
+    found = []
+    for at in (FULL, HALF):
+        values = rows[rows["budget"].fillna("").isin([at, ""])].groupby(GROUP)["value"].agg(["std", "mean"])
+        relative = values.index.get_level_values("metric").map(results.scale_of) == results.LOG
+        found.append((values["std"] / np.where(relative, values["mean"].abs(), 1.0)).dropna())
+    full, half = found
+    return full.combine_first(half)
+
+
+def tolerances(committed: pd.DataFrame, spread: pd.Series) -> pd.Series:
+    """Return how far each committed number may be off, in its own unit, at least LEAST of its value; spread: as above.
+
+    A protocol that the evidence lacks has the largest spread of the others of its condition.
+    """
+    of_others = spread.groupby(["experiment", "condition", "model", "metric"]).max()
+    own = spread.reindex(pd.MultiIndex.from_frame(committed[GROUP])).to_numpy(float)
+    others = of_others.reindex(pd.MultiIndex.from_frame(committed[of_others.index.names])).to_numpy(float)
+    size = committed["value"].abs()
+    relative = committed["metric"].map(results.scale_of) == results.LOG
+    known = np.nan_to_num(np.where(np.isnan(own), others, own))
+    return np.maximum(known * size.where(relative, 1.0), LEAST * size)
+
+
+def compare(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series) -> pd.DataFrame:
     """Return KEY, `value`, `here`, `tolerance` and one of VERDICTS for every number of either table (KEY, `value`).
 
-    The tolerance is the standard deviation over the committed seeds, at least LEAST of the value, in the score's own
-    unit. Two failed runs (NaN) agree; a failed one and a number do not.
+    spread: see `spreads`. Two failed runs (NaN) agree; a failed one and a number do not.
     """
-    spread = committed.groupby(GROUP)["value"].transform("std").fillna(0.0)
-    there = committed[[*KEY, "value"]].assign(tolerance=np.maximum(spread, LEAST * committed["value"].abs()))
+    there = committed[[*KEY, "value"]].assign(tolerance=tolerances(committed, spread))
     merged = there.merge(scores[[*KEY, "value"]].rename(columns={"value": "here"}), "outer", KEY, indicator=True)
     both, off = merged["_merge"] == "both", (merged["here"] - merged["value"]).abs()
     same = (merged["here"] == merged["value"]) | (merged["here"].isna() & merged["value"].isna())
@@ -46,10 +77,10 @@ def compare(committed: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
     return merged
 
 
-def report(committed: pd.DataFrame, scores: pd.DataFrame) -> tuple[str, str]:
+def report(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series) -> tuple[str, str]:
     """Return agreement.md and its first sentence. Experiments without a score here are named, not compared."""
     absent = committed[~committed["experiment"].isin(scores["experiment"])]["experiment"].value_counts(sort=False)
-    numbers = compare(committed[~committed["experiment"].isin(absent.index)], scores)
+    numbers = compare(committed[~committed["experiment"].isin(absent.index)], scores, spread)
     counts = numbers["verdict"].value_counts().reindex(VERDICTS, fill_value=0)
     compared = counts.sum() - counts["only here"]
     said = ", ".join(f"{counts[name]} {name}" for name in VERDICTS if counts[name] or name == VERDICTS[0])
@@ -60,8 +91,9 @@ def report(committed: pd.DataFrame, scores: pd.DataFrame) -> tuple[str, str]:
     by_experiment = numbers.groupby("experiment", sort=False)["verdict"].value_counts().unstack(fill_value=0)
     cells = by_experiment.reindex(columns=VERDICTS, fill_value=0).astype(str)
     lines = [
-        "# Agreement with the committed results\n",
-        f"{sentence} Tolerance: the standard deviation over the seeds, at least {100 * LEAST:.0f} % of the value.\n",
+        "# Agreement of this machine's look with the committed one\n",
+        f"{sentence} Tolerance: the standard deviation over starts and specimens of the evidence, at least "
+        f"{100 * LEAST:.0f} % of the value.\n",
         table(["experiment", *VERDICTS], [[name, *row] for name, row in zip(cells.index, cells.values, strict=True)]),
     ]
     wrong = numbers[~numbers["verdict"].isin(VERDICTS[:3])]
@@ -75,31 +107,34 @@ def report(committed: pd.DataFrame, scores: pd.DataFrame) -> tuple[str, str]:
     return "\n".join(lines), sentence
 
 
-def committed_scores(workspace: Workspace) -> pd.DataFrame | str:
-    """Return reports/scores.csv as git's HEAD has it, or why there is none."""
-    try:
-        done = subprocess.run(["git", "show", COMMITTED], cwd=workspace.root, capture_output=True, check=True)
-        return results.parse_csv(done.stdout, f"git show {COMMITTED}", "mend the commit")
-    except FileNotFoundError:
-        return "there is no git on this machine"
-    except subprocess.CalledProcessError as error:
-        return (error.stderr.decode(errors="replace").strip().splitlines() or ["git gives no reason"])[0]
+def accept(workspace: Workspace, scores: pd.DataFrame) -> None:
+    """Write the scores of this machine to look.csv, in place of those of the same experiments."""
+    path = workspace.root / COMMITTED
+    former = results.read_csv(path, ROWS, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
+    others = former[~former["experiment"].isin(scores["experiment"])]
+    files.write_table(path, pd.concat([scores, others])[ROWS], missing="nan")
+    print(f"{COMMITTED}: {len(scores)} numbers of this machine, {len(others)} as they were")
 
 
 def main(workspace: Workspace) -> None:
-    """Compare the scores of all experiments of the settings."""
-    arguments.parse(__doc__)
+    """Compare the scores of all experiments of the settings, or accept them."""
+    given = arguments.parse(__doc__, what=(ACCEPT, None))
     experiments = params.load(workspace.params)["experiments"]
-    here = [results.read_csv(workspace.scores(name), [*KEY, "value"], "dvc repro evaluate") for name in experiments]
-    committed = committed_scores(workspace)
-    if isinstance(committed, str):
-        sentence = f"Not compared with the committed scores, {COMMITTED} of git: {committed}."
-        text = f"# Agreement with the committed results\n\n{sentence}\n"
+    here = [results.read_csv(workspace.scores(name), ROWS, "dvc repro evaluate") for name in experiments]
+    scores = pd.concat([part for part in here if len(part)] or here)
+    if given.what == ACCEPT:
+        accept(workspace, scores)
+        return
+    path = workspace.root / COMMITTED
+    committed = results.read_csv(path, ROWS, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
+    if len(committed):
+        text, sentence = report(committed, scores, spreads(shards.read(workspace)))
     else:
-        text, sentence = report(
-            committed, pd.concat([scores for scores in here if len(scores)] or [committed.iloc[:0]])
+        sentence = (
+            f"Not compared: there is no number in {COMMITTED}; `python -m pipeline.stages.agreement accept` writes it."
         )
-    files.write_text(workspace.reports / "agreement.md", text)
+        text = f"# Agreement of this machine's look with the committed one\n\n{sentence}\n"
+    files.write_text(workspace.look / "agreement.md", text)
     print(sentence)
 
 

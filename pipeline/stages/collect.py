@@ -1,7 +1,9 @@
-"""Collect scores, latencies, stress and claims' inputs of all experiments in one file each, in full precision.
+"""Collect scores and times of predictions of all experiments in one file each, in full precision, of the evidence.
 
-Of an experiment without recordings the committed rows stay. Scores are of the budget `look`.
-Usage: python -m pipeline.stages.collect
+reports/scores.csv has every row of the committed shards but those by press or grasp, which stay in evidence/results.
+With `look`, the tables that the stages wrote here go to reports/look, with stress and claims' inputs; an experiment
+without recordings has no rows there.
+Usage: python -m pipeline.stages.collect [look]
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,48 +15,58 @@ from pipeline.base import arguments, files, foreign, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
+from pipeline.scoring import shards, times, units
 from pipeline.scoring.claim_inputs import LOOK
-from pipeline.scoring.results import kept_rows
 
-# Of reports/stress.csv: what others read first.
-STRESS = ("experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value", "protocol", "condition")
+# What others read first.
+SCORES = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n", "budget", "variant"]
+STRESS = ["experiment", "model", "seed", "perturbation", "severity", "metric", "unit", "value", "protocol", "condition"]
 
 
 def collect(parts: Mapping[str, Path], target: Path, first: Sequence[str] = (), budget: str = "") -> None:
     """Write the rows of all `parts` (experiment -> CSV file, all with one header) to `target`, digit for digit.
 
-    A part without a row, of an experiment that was not run, gets the rows that `target` has of it. first: columns that
-    come first, in this order, the others after them as they are. budget: of all rows, the last column, if there is one.
+    first: columns that come first, in this order, the others after them as they are. budget: of all rows, the last
+    column, if there is one.
     """
-    tables = {}
-    for name, part in parts.items():
+    tables = []
+    for part in parts.values():
         with foreign.reading(paths.require(part, "dvc repro"), "a CSV table", "run `dvc repro` again"):
-            tables[name] = pd.read_csv(part, dtype=str, keep_default_na=False)
-    columns = list(next(iter(tables.values())))
-    for name, table in tables.items():
-        if list(table.columns) != columns:
-            raise InputError(f"{parts[name]}: its columns differ from those of the others; run `dvc repro` again")
-    if budget:
-        tables = {name: table.assign(budget=budget) for name, table in tables.items()}
-    kept = kept_rows(target, [name for name, table in tables.items() if table.empty], text=True)
-    columns = list(next(iter(tables.values())))
-    if set(kept) >= set(columns):
-        tables = {name: table if len(table) else kept[kept["experiment"] == name] for name, table in tables.items()}
-    together = pd.concat(tables.values())[columns]
+            tables.append(pd.read_csv(part, dtype=str, keep_default_na=False))
+        if list(tables[-1].columns) != list(tables[0].columns):
+            raise InputError(f"{part}: its columns differ from those of the others; run `dvc repro` again")
+    together = pd.concat(tables)
+    together = together.assign(budget=budget) if budget else together
     order = [*first, *(column for column in together.columns if column not in first)]
     files.write_table(target, together[order])
 
 
-def main(workspace: Workspace) -> None:
-    """Collect every experiment of the settings."""
-    arguments.parse(__doc__)
-    experiments = params.load(workspace.params)["experiments"]
-    collect({name: workspace.scores(name) for name in experiments}, workspace.reports / "scores.csv", budget=LOOK)
-    collect({name: workspace.latency(name) for name in experiments}, workspace.reports / "latency.csv")
-    collect({name: workspace.stress(name) for name in experiments}, workspace.reports / "stress.csv", STRESS)
+def evidence(workspace: Workspace, experiments: Sequence[str]) -> None:
+    """Write scores.csv and latency.csv of these experiments to reports/; a score that does not exist is `nan`."""
+    rows = shards.read(workspace)
+    rows = rows[rows["experiment"].isin(experiments) & ~rows["metric"].str.endswith(units.SUFFIX)]
+    words = dict.fromkeys(("budget", "variant", "protocol"), "")
+    scores = rows[SCORES].fillna(words).astype({"seed": "Int64"})
+    files.write_table(workspace.reports / "scores.csv", scores, missing="nan")
+    timed = pd.concat([times.predictions(workspace, name) for name in experiments])
+    files.write_table(workspace.reports / "latency.csv", timed)
+
+
+def look(workspace: Workspace, experiments: Sequence[str]) -> None:
+    """Write what the stages computed here of these experiments to reports/look."""
+    target = workspace.look
+    collect({name: workspace.scores(name) for name in experiments}, target / "scores.csv", budget=LOOK)
+    collect({name: workspace.latency(name) for name in experiments}, target / "latency.csv")
+    collect({name: workspace.stress(name) for name in experiments}, target / "stress.csv", STRESS)
     derived = {name: workspace.claim_inputs(name) for name in experiments if facts(name).paper}
     if derived:
-        collect(derived, workspace.reports / "claim_inputs.csv")
+        collect(derived, target / "claim_inputs.csv")
+
+
+def main(workspace: Workspace) -> None:
+    """Collect every experiment of the settings."""
+    given = arguments.parse(__doc__, of=(LOOK, None))
+    (look if given.of == LOOK else evidence)(workspace, params.load(workspace.params)["experiments"])
 
 
 if __name__ == "__main__":

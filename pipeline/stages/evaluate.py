@@ -1,4 +1,4 @@
-"""Predict and score the test part, which nothing before this reads, with every trained model.
+"""Predict and score the test part, which nothing before this reads, with every trained model; keep what figures draw.
 
 Usage: python -m pipeline.stages.evaluate EXPERIMENT
 """
@@ -14,6 +14,7 @@ from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.learning.trained import Trained
+from pipeline.scoring import kept
 
 COLUMNS = ("experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n")
 
@@ -53,15 +54,19 @@ def main(workspace: Workspace) -> None:
     values = params.load(workspace.params)
     experiment = arguments.parse(__doc__, experiment=values["experiments"]).experiment
     models, runs = list(values[experiment]["models"]), params.runs(values, experiment)
-    scores = {}
+    scores, reason = {}, why_not_run(workspace, experiment)
     with files.replacing_folder(workspace.predictions(experiment)) as draft:
-        if reason := why_not_run(workspace, experiment):
+        if reason:
             files.write_text(draft / "not_run.txt", reason + "\n")  # DVC warns of an empty folder
         else:
             calls = {model: (workspace, values, experiment, model, draft) for model in models}
             with tqdm(total=len(models) * len(runs), desc=f"evaluate {experiment}", unit="run") as bar:
                 scores = dict(workers.run(evaluate_model, calls, bar, steps=len(runs)))
     files.write_csv(workspace.scores(experiment), COLUMNS, (row for model in models for row in scores.get(model, [])))
+    settings = values[experiment]
+    kept.write(
+        workspace.kept(experiment), kept.none(experiment) if reason else kept.table(workspace, experiment, settings)
+    )
 
 
 if __name__ == "__main__":

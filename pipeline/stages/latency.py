@@ -23,23 +23,9 @@ from pipeline import tasks
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
+from pipeline.scoring.times import COLUMNS
 
 FEWER = 10  # batches of many windows are predicted this much less often: their times vary less, and they are long
-
-COLUMNS = (
-    "experiment",
-    "model",
-    "batch",
-    "threads",
-    "p50_ms",
-    "p50_low_ms",
-    "p50_high_ms",
-    "p95_ms",
-    "params",
-    "macs",
-    "train_s",
-    "size_bytes",
-)
 
 
 def prediction_times(predict, x: np.ndarray, batch: int, settings: dict) -> np.ndarray:
@@ -124,7 +110,7 @@ def main(workspace: Workspace) -> None:
                 training_seconds(workspace, experiment, model, protocol),
             )
             key = (experiment, model, batch, settings["threads"])
-            rows.append((*key, p50, min(medians), max(medians), p95, *costs, size))
+            rows.append((*key, p50, min(medians), max(medians), p95, *costs, size, settings["calls"]))
     files.write_csv(workspace.latency(experiment), COLUMNS, rows)
 
 

@@ -1,4 +1,4 @@
-"""Write the reviewer's pages, reports/index.html and appendix.html, and the answers of README.md, from the reports.
+"""Write the reviewer's pages, reports/index.html and appendix.html, shards.md, and the answers of README.md.
 
 Usage: python -m pipeline.stages.page
 """
@@ -9,7 +9,7 @@ from pipeline.reporting.page import sections
 
 
 def main(workspace: Workspace) -> None:
-    """Write the pages, their first chart, and the answers between the markers of README.md, if there is one."""
+    """Write the pages and their first chart, shards.md, and the answers in README.md, if there is one."""
     arguments.parse(__doc__)
     (workspace.reports / "benchmarks").mkdir(exist_ok=True)
     for name, html in sections.build(workspace, params.load(workspace.params)).items():

@@ -1,18 +1,19 @@
 """Write what studies found for people: reports/STUDY, and the table that it is made of, reports/STUDY.csv.
 
-Of stability the table is in the folder. `computed`: those whose tables are of the evidence, physics and rightsize.
+Of stability it is reports/stress.csv, what the evidence scored. `computed`: physics and rightsize.
 Usage: python -m pipeline.stages.render_study computed|stability|twins
 """
 
 from pipeline.base import arguments, files, params
 from pipeline.base.paths import Workspace
-from pipeline.reporting import studies
+from pipeline.reporting import stability, studies
 
 STUDIES = {
     "computed": (studies.physics, studies.rightsize),
-    "stability": (studies.stability,),
+    "stability": (stability.stability,),
     "twins": (studies.twins,),
 }
+TABLES = {stability.stability: "stress.csv"}  # the others are called as their folder
 
 
 def main(workspace: Workspace) -> None:
@@ -23,10 +24,9 @@ def main(workspace: Workspace) -> None:
         target = workspace.reports / study.__name__
         with files.replacing_folder(target) as draft:
             table = study(workspace, draft, values)
-        if table is not None:
-            # As in scores.csv, a mean that does not exist is `nan`.
-            missing = "nan" if study is studies.rightsize else ""
-            files.write_table(target.with_suffix(".csv"), table, missing=missing)
+        # As in scores.csv, a number that does not exist is `nan`.
+        missing = "nan" if study in (studies.rightsize, stability.stability) else ""
+        files.write_table(workspace.reports / TABLES.get(study, f"{study.__name__}.csv"), table, missing=missing)
         print(f"reports/{study.__name__}: {sum(path.is_file() for path in target.rglob('*'))} files")
 
 

@@ -12,6 +12,7 @@ Usage: python -m pipeline.stages.shard SET [SEED half|full]
 import json
 import math
 import os
+import shutil
 import tempfile
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -26,7 +27,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
-from pipeline.scoring import claim_inputs, shards, units
+from pipeline.scoring import claim_inputs, kept, shards, units
 from pipeline.scoring.claim_inputs import FULL, HALF
 from pipeline.scoring.results import read_csv
 from pipeline.scoring.shards import Shard
@@ -57,8 +58,12 @@ def settings_of(workspace: Workspace, each: ShardSet, target: Workspace, further
 
 
 def further_of(shard: Shard, each: ShardSet) -> dict:
-    """Return the dotted settings in which a shard differs from its set: one seed, and a share of every training."""
-    budget = {f"{each.experiment}.budget": SHARES[shard.budget]}
+    """Return the dotted settings in which a shard differs from its set: one seed, and a share of every training.
+
+    A set that names the share itself keeps it.
+    """
+    name = f"{each.experiment}.budget"
+    budget = {name: each.set.get(name, SHARES[shard.budget])}
     return budget | {f"{each.experiment}.protocols.{name}.seeds": [shard.seed] for name in each.protocols}
 
 
@@ -172,9 +177,21 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
         files.write_table(shards.stress_file(workspace, shard.name), table, missing="nan")
     curves, times = trainings(own, experiment, values)
     files.write_table(target / "curves" / f"{shard.name}.csv", curves)
+    keep(workspace, own, shard, each)
     shards.upsert(target / "times.csv", shards.TIMES, shard.name, [{"shard": shard.name, **row} for row in times])
     index(workspace, own, shard, each, values["device"], shards.digest([result]), core_s)
     print(f"{shard.name}: {len(rows)} numbers, {core_s / 60:.1f} core-minutes")
+
+
+def keep(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet) -> None:
+    """Keep what figures draw of a shard; of a variant they show nothing, and where there is no row there is no file."""
+    path, target = own.kept(each.experiment), shards.kept_file(workspace, shard.name)
+    target.unlink(missing_ok=True)
+    if not each.variant and kept.read(path, each.experiment).num_rows:
+        if path.stat().st_size > kept.LARGEST:
+            raise InputError(f"{path}: {path.stat().st_size} bytes, and a shard keeps {kept.LARGEST} at most")
+        with files.replacing(target) as draft:
+            shutil.copyfile(path, draft)
 
 
 def stressed(shard: Shard, each: ShardSet) -> bool:
@@ -211,6 +228,7 @@ def index(
         "budget": shard.budget, "sha256": digest, "core_s": math.ceil(core_s),
         "machine": machine(each.experiment, device), "commit": provenance.git_state(workspace)[0],
         "data_sha256": files.sha256(own.dataset(each.experiment)) if not each.own_data else "",
+        "kept_sha256": shards.kept_sha256(workspace, shard.name),
     }  # fmt: skip
     shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, shard.name, [line])
 

@@ -1,6 +1,6 @@
 """Bring MLflow's store in line with the results, as `tactile track` does, unless neither has changed since then.
 
-pipeline/inference/mlflow_runs.py says what a run holds. To compare every run with the store takes nine seconds, to see
+pipeline/inference/mlflow_runs.py says what a run holds. To compare every run with the store takes ten seconds, to see
 that no file of results, settings, code or store has another size or time of change a tenth of one.
 Usage: python -m pipeline.stages.track
 """

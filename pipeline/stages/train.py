@@ -23,6 +23,7 @@ READ = {
     "series": ("budget", "model_zero", "protocols", "sensor", "window"),
     "images": ("budget", "protocols"),
 }
+OF_READINGS = ("ingest", "sensor", "simulate", "source", "window")  # and further with faults: the levels of readings
 
 
 def train_run(
@@ -90,7 +91,7 @@ def code(experiment: str, model: str) -> list[str]:
     names = {"experiments": experiment, "models": model, "tasks": kind}
     behind = {room: [f"pipeline/{room}/{name}.py"] for room, name in names.items()}
     unused = {("experiments", "logs"), ("tasks", "scoring")}
-    if kind != "series":  # of the experiment's file only KIND is read
+    if kind != "series":  # of the experiment's file only KIND is read, unless images have faults, see `_origin`
         unused.add(("tasks", "experiments"))
     files = imports.closure("pipeline/stages/train.py", behind, unused)
     return sorted(file for file in files if imports.room(file) not in imports.NO_NUMBER)
@@ -111,6 +112,10 @@ def _origin(workspace: Workspace, values: Mapping, experiment: str, model: str) 
     elif params.transfers(model):
         inputs += sorted(workspace.model_folder(experiment, paths.MODEL_ZERO).rglob("*.safetensors"))
     inputs += [paths.CODE.parent / file for file in code(experiment, model)]
+    if "faults" in params.model_settings(values, experiment, model).get("training", {}):  # which act on readings
+        settings += [[key, values[experiment].get(key)] for key in OF_READINGS]
+        if tasks.kind(experiment) == "images":  # which are made anew
+            inputs += [workspace.frames(experiment), paths.CODE / "experiments" / f"{experiment}.py"]
     return runs.origin(settings, inputs)
 
 

@@ -7,9 +7,11 @@ from types import ModuleType
 import numpy as np
 import pyarrow as pa
 
+from pipeline import experiments
 from pipeline.base import paths
+from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.datasets import images, schemas
+from pipeline.datasets import images, levels, schemas
 from pipeline.learning.trained import Fitted, Tested, fitted
 from pipeline.scoring import classification, metrics
 
@@ -50,11 +52,68 @@ def fit(
     path: Path, experiment: str, settings: Mapping, protocol: str, seed: int, build: Callable, *, base=None, **fitting
 ) -> Fitted:
     """Return a model fitted to the images that a protocol names: pressure, strain or both."""
+    from pipeline.learning import faults
+
     data = images.read(path, protocol, seed)
     classifier = build(spec(data))
+    if faults.asked(classifier):
+        fitting["readings"] = readings(path, experiment, settings, protocol, data)
     train, validation = (part_of(data, name) for name in ("train", "validation"))
     del data
     return fitted(classifier, train, validation, seed=seed, **fitting)
+
+
+def readings(path: Path, experiment: str, settings: Mapping, protocol: str, data: images.Images):
+    """Return the readings behind the training images of a run (learning.faults.Readings), of the frames beside them.
+
+    path: of the dataset; data: its images. Raises InputError where there are no frames, or those of other images.
+    """
+    from pipeline.learning.faults import Readings
+
+    module, file = experiments.module(experiment), path.with_name("frames.parquet")
+    table = schemas.read(paths.require(file, f"python -m pipeline.stages.ingest {experiment}"))
+    chosen = module.chosen(table, settings)
+    train = data.part == "train"
+    names = images.reading_columns(table.schema)
+    if len(chosen) != len(train):
+        raise _other_frames(file, experiment)
+    values, found = {}, []
+    for name in names:
+        kind = table.schema.field(name).type.value_type
+        values[name] = schemas.matrix(table[name])[chosen[train]]
+        lowest, highest, _ = device(module, name, images.areas(settings))
+        found.append(levels.of_area(values[name], lowest, highest, pa.types.is_integer(kind)))
+    edges = np.cumsum([values[name].shape[1] for name in names])[:-1]
+    modality = images.modality(protocol)
+
+    def shown(cells: np.ndarray) -> np.ndarray:
+        areas = zip(names, np.split(cells, edges, axis=1), strict=True)
+        columns = {name: schemas.lists(own, table.schema.field(name).type.value_type) for name, own in areas}
+        return module.images(pa.table(columns), settings)[modality].reshape(len(cells), -1)
+
+    cells = np.concatenate([values[name] for name in names], axis=1)
+    if not np.array_equal(shown(cells), data.x[train, 0]):
+        raise _other_frames(file, experiment)
+    return Readings(cells, levels.side_by_side(found), shown)
+
+
+def _other_frames(file: Path, experiment: str) -> InputError:
+    return InputError(
+        f"{file}: its frames are not those of the images in dataset.parquet beside it; run "
+        f"`python -m pipeline.stages.dataset {experiment}` again"
+    )
+
+
+def device(
+    module: ModuleType, area: str, areas: Mapping[str, images.Area] = images.GLOVE
+) -> tuple[float, float, tuple[tuple[int, int], ...]]:
+    """Return the range of an area's readings and its matrices; module: of the experiment; areas: of its sensor."""
+    if hasattr(module, "MATRICES"):
+        if area == "strain":
+            return -module.IMPOSSIBLE_DEG, module.IMPOSSIBLE_DEG, ()
+        return 0, module.FULL_SCALE, module.MATRICES
+    here = areas[area]
+    return here.lowest, here.highest, ((here.rows, here.cols),)
 
 
 def part_of(data: images.Images, name: str) -> tuple[np.ndarray, np.ndarray]:

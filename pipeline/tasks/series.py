@@ -11,7 +11,7 @@ from pipeline import experiments
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas, series
+from pipeline.datasets import levels, schemas, series
 from pipeline.learning.trained import Fitted, Tested, fitted
 from pipeline.scoring import metrics
 
@@ -59,7 +59,14 @@ def fit(path: Path, experiment: str, settings: Mapping, protocol: str, seed: int
         records = [record._replace(training=np.ones(len(record.x), dtype=bool)) for record in records]
     if not any(record.training.any() for record in records):
         raise InputError(f"{experiment}, {protocol}: no sample in the training part; record longer")
-    return fitted(regressor, records, seed=seed, **fitting)
+    return fitted(regressor, records, seed=seed, **fitting, **known(regressor, records, settings))
+
+
+def known(model, records: list[series.Record], settings: Mapping) -> dict:
+    """Return what a model's `fit` must know beside the records: the levels of readings, for a training with faults."""
+    from pipeline.learning import faults
+
+    return {"levels": levels.of_series(records, settings)} if faults.asked(model) else {}
 
 
 def adapted(model, spec):

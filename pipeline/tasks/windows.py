@@ -11,7 +11,7 @@ from pipeline import experiments
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
+from pipeline.datasets import levels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.learning.trained import Fitted, Tested, fitted
@@ -70,9 +70,13 @@ def fit(
     path: Path, experiment: str, settings: Mapping, protocol: str, seed: int, build: Callable, *, base=None, **fitting
 ) -> Fitted:
     """Return a model fitted to the training windows of one run. Raises InputError where a part has no window."""
+    from pipeline.learning import faults
+
     regressor = build(spec(settings))
     data = read(path, settings, (protocol, seed))
     part = data.part(protocol, seed)
+    if faults.asked(regressor):
+        fitting["levels"] = levels.of_windows(settings, data, part == "train")
     train, validation = (data.windows(part == name, regressor.streams) for name in ("train", "validation"))
     for name, windows in (("train", train), ("validation", validation)):
         if not len(windows[0]):

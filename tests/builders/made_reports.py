@@ -2,14 +2,17 @@
 
 import copy
 import json
+import shutil
 import sys
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import yaml
 
 from builders.project import ROOT, indexed, small_variants
 from pipeline import experiments
+from pipeline.base import params
 from pipeline.base.files import sha256, write_table
 from pipeline.base.params import load
 from pipeline.datasets import images, labels, schemas
@@ -17,7 +20,7 @@ from pipeline.reporting.figures import common, speed
 from pipeline.reporting.figures import glove as glove_figures
 from pipeline.reporting.figures import strain as strain_figures
 from pipeline.reporting.figures import touch as touch_figures
-from pipeline.scoring import claim_inputs, one_table, shards
+from pipeline.scoring import claim_inputs, kept, one_table, shards
 from pipeline.scoring.results import R2, SHARE, scale_of
 from pipeline.stages import render
 
@@ -38,6 +41,8 @@ MODELS = {
     "glove": {"constant": {}, "naive_bayes": {}, "tree": {}} | dict.fromkeys(NETWORKS, TRAINING),
 }
 MODELS["glove_recorded"] = MODELS["glove"]
+MADE = "made-0-full"
+CURVES = ["model", "protocol", "seed", "epoch", "train_loss", "validation_loss"]
 SCORES = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
 UNITS = {"rmse": "kPa", "error": "mm", "press_error": "mm", "peak_error": "kPa", "location_error": "mm"}
 
@@ -117,17 +122,39 @@ def write(workspace, experiment: str, settings: dict, failed: str = "") -> None:
         rows = claim_inputs.rows(workspace, experiment, settings)
         rows = pd.concat([rows, augmented()]) if experiment == "glove" else rows
         rows.to_csv(workspace.claim_inputs(experiment), index=False)
+    kept.write(workspace.kept(experiment), kept.table(workspace, experiment, settings))
+    write_evidence(workspace, experiment, settings)
 
 
-def write_evidence(workspace, experiment: str) -> None:
-    """Keep what `write` left as a shard of the evidence, too."""
+def write_evidence(workspace, experiment: str, settings: dict) -> None:
+    """Keep what the stages left as the shard MADE of the evidence, too, of all seeds."""
     folder, files = shards.folder(workspace), one_table.of_experiment(workspace, experiment)
     rows = one_table.read({name: files[name] for name in ("scores", "claim_inputs")})
-    rows = rows[rows["budget"] == claim_inputs.LOOK].assign(budget=claim_inputs.FULL)
-    write_table(folder / "results" / "made-0-full.csv", rows[claim_inputs.COLUMNS].astype({"seed": "Int64"}), "nan")
-    line = {"shard": "made-0-full", "sha256": sha256(folder / "results" / "made-0-full.csv")}
-    shards.upsert(folder / "index.csv", shards.INDEX, "made-0-full", [line])
+    rows = rows[rows["metric"] != "train_s"].fillna({"budget": ""}).replace({"budget": {"look": "full"}})
+    write_table(shards.result_file(workspace, MADE), rows[claim_inputs.COLUMNS].astype({"seed": "Int64"}), "nan")
+    curves, times = [], []
+    for place_of, (model, block) in enumerate(settings["models"].items()):
+        for run in params.runs({experiment: settings}, experiment):
+            history = pd.read_csv(workspace.run_folder(experiment, model, *run) / "history.csv")
+            place = dict(zip(("protocol", "seed"), run, strict=True)) | {"model": model}
+            curves.append(history.assign(**place)[: len(history) if "training" in block else 0])
+            times.append({"shard": MADE, **place, "epochs": len(history), "train_s": 6.5 + place_of})
+    write_table(folder / "curves" / f"{MADE}.csv", pd.concat(curves)[CURVES])
+    shards.kept_file(workspace, MADE).parent.mkdir(exist_ok=True)
+    shutil.copy(workspace.kept(experiment), shards.kept_file(workspace, MADE))
+    line = {"shard": MADE, "experiment": experiment, "protocol": "made", "seed": 0, "budget": claim_inputs.FULL}
+    line |= {"sha256": sha256(shards.result_file(workspace, MADE)), "machine": "a core", "commit": "0" * 40}
+    line |= {"core_s": 1, "data_sha256": "", "kept_sha256": shards.kept_sha256(workspace, MADE)}
+    shards.upsert(folder / "index.csv", shards.INDEX, MADE, [line])
+    shards.upsert(folder / "times.csv", shards.TIMES, MADE, times)
+    timed = shards.study_file(workspace, experiment, "latency", 0)
+    write_table(timed, pd.read_csv(workspace.latency(experiment)).assign(calls=LATENCY["calls"]))
+    line |= {"shard": f"latency_{experiment}-0-full", "protocol": shards.STUDY, "sha256": sha256(timed)}
+    shards.upsert(folder / "index.csv", shards.INDEX, line["shard"], [line | {"kept_sha256": ""}])
     small_variants(workspace.root)
+    sets = yaml.safe_load((folder / "shards.yaml").read_text())
+    own = {"experiment": experiment, "data": "made up", "protocols": list(settings["protocols"]), "seeds": 3}
+    (folder / "shards.yaml").write_text(yaml.safe_dump({**sets, "made": own | {"minutes": 1}}, sort_keys=False))
 
 
 def write_fit(workspace, experiment: str, model: str, protocol: str, seed: int, block: dict) -> None:
@@ -194,9 +221,12 @@ def velostat_recorded(workspace, settings: dict) -> tuple:
     names = np.repeat([f"{g}/{e}" for g in ("tip_force_5", "tip_force_10") for e in ("exp1", "exp2")], 30)
     force = 5 + 5 * np.sin(np.arange(len(names)) / 4)[:, None]
     columns = {
+        "condition": pa.array([name.split("/")[0] for name in names]).dictionary_encode(),
         "recording": pa.array(names.tolist()).dictionary_encode(),
+        "press": pa.array((np.arange(len(names)) // 10).astype(np.int32)),
         "t_s": pa.array(np.tile(np.arange(30) * 0.05, 4)),
-        "y": schemas.lists(force, pa.float32()),
+        "x": schemas.lists(np.repeat(force, settings["window"]["frames"], axis=1), pa.float32()),
+        **{name: schemas.lists(force, pa.float32()) for name in ("y", "force_n", "x_mm", "y_mm")},
     }
     pooled = dict.fromkeys(("all", "tip_force_5", "tip_force_10"), ["rmse", "r2"])
     part = np.where(np.char.endswith(names, "exp2"), "test", "train")
@@ -205,18 +235,19 @@ def velostat_recorded(workspace, settings: dict) -> tuple:
 
 def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
     """Write the studies; return the dataset of 80 samples, its parts, truth, metrics."""
-    rng, n = np.random.default_rng(2), 80
+    rng, n, recorded = np.random.default_rng(2), 80, experiment == "strain_recorded"
+    conditions = ("day_1", "day_2") if recorded else ("task_0", "task_1", "task_2")
     truth = 10 * rng.uniform(-1, 1, (n, 3))
     columns = {
-        "condition": pa.array([f"task_{k % 3}" for k in range(n)]).dictionary_encode(),
+        "condition": pa.array([conditions[k % len(conditions)] for k in range(n)]).dictionary_encode(),
         "recording": pa.array(["run000"] * n).dictionary_encode(),
-        "press": pa.array((np.arange(n) // 4).astype(np.int32)),
+        "press": pa.array((np.arange(n) // 8 if recorded else np.full(n, -1)).astype(np.int32)),
         "t_s": pa.array(np.arange(n) * 20.0),
-        "v": schemas.lists(rng.normal(size=(n, 4)), pa.float32()),
+        "v": schemas.lists(rng.normal(size=(n, 7)), pa.float32()),
         "y": schemas.lists(truth, pa.float32()),
     }
     part = np.where(np.arange(n) < 40, "train", "test")
-    if experiment == "strain_recorded":
+    if recorded:
         scored = {"xy": ["error", "r2_x", "r2_y", "press_error", "press_r2_x", "press_r2_y"], "z": ["error", "r2_z"]}
         scored["xyz"] = scored["xy"][:3]
         days = {"within_day": "day_1", "across_days": "day_2"}
@@ -339,7 +370,7 @@ def varied(workspace, experiment: str, rows: list[tuple]) -> None:
     for seed, own in table.groupby("seed"):
         name = f"variants_{experiment}-{seed}-full"
         write_table(shards.result_file(workspace, name), own[claim_inputs.COLUMNS])
-        indexed(workspace, name, experiment, seed)
+        indexed(workspace, name, experiment, seed, shards.result_file(workspace, name))
     small_variants(workspace.root)
 
 
@@ -374,9 +405,9 @@ def unplot(patch) -> None:
                 patch.setattr(module, name, lambda path, *_, **__: path.touch())
 
 
-def rendered(workspace, experiment: str, settings: dict, monkeypatch):
-    """Return the folder that `python -m pipeline.stages.render <experiment>` writes."""
+def rendered(workspace, experiment: str, settings: dict, monkeypatch, *look: str):
+    """Return the folder that `python -m pipeline.stages.render <experiment> [look]` writes."""
     monkeypatch.setattr(render.params, "load", lambda _: {"experiments": [experiment], experiment: settings})
-    monkeypatch.setattr(sys, "argv", ["render", experiment])
+    monkeypatch.setattr(sys, "argv", ["render", experiment, *look])
     render.main(workspace)
-    return workspace.reports / experiment
+    return (workspace.look if look else workspace.reports) / experiment

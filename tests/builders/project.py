@@ -22,6 +22,8 @@ from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.base.processes import ONE_THREAD
 from pipeline.scoring import shards
+from pipeline.scoring.claim_inputs import FULL
+from pipeline.stages import agreement, shard
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND_LINE = "pipeline.commands.command_line"
@@ -104,7 +106,9 @@ class Project:
         # As on most machines: a store of its own, and bytecode beside the code, which must change no stage.
         for variable in ("MLFLOW_TRACKING_URI", "PYTHONDONTWRITEBYTECODE"):
             self.environment.pop(variable, None)
-        shards.upsert(self.folder / "evidence" / "index.csv", shards.INDEX, "", [])  # no shard is at miniature scale
+        for name, columns in (("index", shards.INDEX), ("times", shards.TIMES)):  # no committed shard is so small
+            shards.upsert(self.folder / "evidence" / f"{name}.csv", columns, "", [])
+        (self.folder / "evidence" / "look.csv").write_text(f"{','.join(agreement.ROWS)}\n")
         small_variants(self.folder)
         self.set(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()))
         self.dvc("init", "--no-scm", "--quiet")
@@ -165,9 +169,9 @@ def copy_code(folder: Path) -> None:
 # Two halves of the pipeline that share no stage but that of SHARED: run side by side, they take half as long.
 SHARED = ("ingest_recorded@velostat_recorded", "count")  # of seconds
 HALVES = (
-    ["claim_inputs@touch", "latency@touch", "render_recorded@velostat_recorded", "render_recorded@strain_recorded"]
+    ["claim_inputs@touch", "latency@touch", "latency@velostat_recorded", "latency@strain_recorded"]
     + ["stress@touch", "stress@velostat_recorded", "stress@strain_recorded"],
-    ["claim_inputs@strain", "claim_inputs@glove", "latency@strain", "latency@glove", "render_recorded@glove_recorded"]
+    ["claim_inputs@strain", "claim_inputs@glove", "latency@strain", "latency@glove", "latency@glove_recorded", "probe"]
     + ["stress@strain", "stress@glove", "stress@glove_recorded"],
 )
 
@@ -216,32 +220,43 @@ def warm_python(folder: Path) -> Iterator[dict[str, str]]:
         shutil.rmtree(made)
 
 
-def indexed(workspace: Workspace, name: str, experiment: str, seed: int) -> None:
-    """Put the line of a shard, whose rows are there, into the index."""
+def indexed(workspace: Workspace, name: str, experiment: str, seed: int, kept: Path, protocol: str = "") -> None:
+    """Put the line of a shard, whose file is there, into the index."""
     line = dict.fromkeys(shards.INDEX, "") | {"shard": name, "experiment": experiment, "seed": seed}
-    line["sha256"] = files.sha256(shards.result_file(workspace, name))
+    line |= {"sha256": files.sha256(kept), "protocol": protocol, "core_s": 1, "machine": "a core"}
     shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, name, [line])
 
 
+SETS = ("touch_press", "strain", "glove_session")  # of the evidence, whose shard is what the miniature has trained
+
+
 def run_studies(project: Project) -> None:
-    """Compute all studies and variants of the evidence with two seeds, on the data and models of the miniature."""
+    """Compute all studies and variants of the evidence with two seeds, on the data and models of the miniature.
+
+    What the stages have trained, scored and put under stress is kept as the shards of SETS, too.
+    """
     workspace = Workspace(project.folder)
-    sets = shards.read_sets(workspace).items()
-    computed = {(study, each.experiment): name for name, each in sets if (study := shards.study(each))}
+    sets = shards.read_sets(workspace)
+    computed = {(study, each.experiment): name for name, each in sets.items() if (study := shards.study(each))}
     for seed in (0, 1):
-        project.stages(*(f"studies.{study} {experiment} {seed}" for study, experiment in sorted(computed)))
+        asked = [place for place in sorted(computed) if seed < sets[computed[place]].seeds]
+        project.stages(*(f"studies.{study} {experiment} {seed}" for study, experiment in asked))
         for experiment in ("touch", "strain", "glove"):
             for table in workspace.study_result(experiment, "any").parent.glob("*.csv"):
-                name = f"{computed.get((table.stem, experiment))}-{seed}-full"
+                name = f"{computed.get((table.stem, experiment), f'{table.stem}_{experiment}')}-{seed}-full"
                 varied = table.stem == shards.VARIANTS
                 kept = shards.study_file(workspace, experiment, table.stem, seed)
                 kept = shards.result_file(workspace, name) if varied else kept
                 kept.parent.mkdir(parents=True, exist_ok=True)
                 table.rename(kept)
-                if varied:
-                    indexed(workspace, name, experiment, seed)
-    index = shards.folder(workspace) / "index.csv"
-    index.write_text(index.read_text() + "\n")  # tells DVC that there is something new
+                indexed(workspace, name, experiment, seed, kept, "" if varied else shards.STUDY)
+    values = params.read(workspace.params)
+    for name in SETS:
+        of_look = workspace.stress(sets[name].experiment)
+        tried = of_look.read_bytes()
+        project.stages(f"stages.stress {sets[name].experiment}")
+        shard.write(workspace, workspace, shards.Shard(name, 0, FULL), sets[name], values, 1.0)
+        of_look.write_bytes(tried)
 
 
 # Prints the stages that the targets need, one per line, in an order in which they can run. In a process of its own:
@@ -296,4 +311,5 @@ def mlflow_runs(project) -> list[tuple]:
     runs: dict = {}
     for run, key, value in rows:
         runs.setdefault(run, {})[key] = value
-    return sorted((r["experiment"], r["protocol"], r["model"], int(r["seed"])) for r in runs.values())
+    looks = [r for r in runs.values() if "seed" in r]  # a run of the evidence is of all its seeds
+    return sorted((r["experiment"], r["protocol"], r["model"], int(r["seed"])) for r in looks)

@@ -237,7 +237,7 @@ def test_a_run_without_an_rmse_failed_whatever_else_it_has(tmp_path):
     (tmp_path / "scores.csv").write_text(
         "\n".join(["experiment,protocol,condition,model,seed,metric,unit,value,n", *rows])
     )
-    read = one_table.read(one_table.of_reports(tmp_path)).set_index(["seed", "metric"])["value"]
+    read = one_table.read({"scores": tmp_path / "scores.csv"}).set_index(["seed", "metric"])["value"]
     assert read[0, "r2"] == 0.9 and np.isnan(read[1, "r2"])
 
 

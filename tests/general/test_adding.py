@@ -8,11 +8,12 @@ import shutil
 import pandas as pd
 import pytest
 import yaml
-from builders import own_logs
+from builders import own_logs, stress_rows
 from builders.project import ROOT, Project, copy_code, in_this_process, miniature_settings, run_stage
 
+from pipeline.base.paths import Workspace
 from pipeline.claims.rules import REPRODUCED
-from pipeline.scoring import one_table, shards
+from pipeline.scoring import shards
 from pipeline.stages import judge, render_study, shard
 
 CLAIM = """\
@@ -67,16 +68,13 @@ def sagging_supply(readings: np.ndarray, severity: float, rng: np.random.Generat
     return _same_kind(readings, readings - severity * span)
 '''
 STRESSED = ("simulate", "ingest", "dataset", "train", "evaluate", "stress")
-STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency", "render")
+STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency")
 
 
 def test_a_claim_of_five_lines_is_judged_in_the_report(workspace, monkeypatch):
     (workspace.root / "evidence").symlink_to(ROOT / "evidence")
-    for path in one_table.of_reports(ROOT / "reports").values():
-        if path.exists():
-            target = workspace.root / path.relative_to(ROOT)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(path, target)
+    workspace.reports.mkdir(exist_ok=True)
+    shutil.copy(ROOT / "reports" / "counts.csv", workspace.reports)
     file = workspace.root / "claims" / "mine.yaml"
     file.parent.mkdir()
     assert len(CLAIM.splitlines()) <= 5
@@ -103,8 +101,8 @@ def test_a_model_of_two_files_is_trained_and_in_the_report(tmp_path):
     (project.folder / "pipeline" / "models" / "whole_ridge.py").write_text(MODEL)
     few = {"touch.simulate.specimens": 1, "touch.protocols.press.seeds": [0]}
     project.set({"touch.models": {"constant": {}, "linear": {}, "whole_ridge": {"ridge": 1.0}}} | few)
-    project.stages(*(f"stages.{stage} touch" for stage in STAGES))
-    report = project.folder / "reports" / "touch"
+    project.stages(*(f"stages.{stage} touch" for stage in STAGES), "stages.render touch look")
+    report = project.folder / "reports" / "look" / "touch"
     table = pd.read_csv(report / "accuracy" / "table1.csv")
     own, linear = (table[table["model"] == model] for model in ("whole_ridge", "linear"))
     assert len(own) == len(linear) and set(own["runs"]) == {1} and own["mean"].tolist() != linear["mean"].tolist()
@@ -130,8 +128,8 @@ def test_an_experiment_of_a_module_a_file_of_settings_and_a_row_is_in_the_report
     (project.folder / "params" / "pads.yaml").write_text(yaml.safe_dump({"pads": block}))
     known = yaml.safe_load((project.folder / "params.yaml").read_text())["experiments"]
     project.set({"experiments": [*known, "pads"]})
-    project.stages(*(f"stages.{stage} pads" for stage in STAGES if stage != "simulate"))
-    report = project.folder / "reports" / "pads" / "accuracy"
+    project.stages(*(f"stages.{stage} pads" for stage in STAGES if stage != "simulate"), "stages.render pads look")
+    report = project.folder / "reports" / "look" / "pads" / "accuracy"
     scores = pd.read_csv(report / "scores.csv")
     rmse = scores[(scores["metric"] == "rmse") & (scores["condition"] == "single")].set_index("model")["value"]
     assert 0 < rmse["window_trees"] < 0.8 * rmse["constant"]
@@ -170,20 +168,21 @@ def test_a_stress_test_of_one_function_is_in_the_table_and_in_the_report(tmp_pat
     with open(project.folder / "pipeline" / "stability" / "perturbations.py", "a") as code:
         code.write(STRESS_TEST)
     asked = {"protocols": ["task_1"], "usable": {"task_1": 1.0}}
-    asked |= {"perturbations": {"sagging_supply": [0.5, 0.1], "noise": [0.1]}}
+    asked |= {"perturbations": {"sagging_supply": [0.5, 0.1], "noise": [0.1]}, "look": {"noise": 0.1}}
     models = {"constant": {}, "ridge": {"ridge": 1.0}}
     few = {"strain.protocols": {"task_1": {"seeds": [0]}, "task_0": {"seeds": [0]}}, "strain.models": models}
     project.set({"experiments": ["strain"], "stress.strain": asked} | few)
     project.stages(*(f"stages.{stage} strain" for stage in STRESSED))
-    (project.folder / "reports").mkdir(exist_ok=True)
-    shutil.copy(project.folder / "data" / "strain" / "stress.csv", project.folder / "reports")
-    project.stages("stages.render_study stability")
     table = pd.read_csv(project.folder / "data" / "strain" / "stress.csv")
+    main = table[table["metric"] == "error"].assign(variant="", budget="")
+    stress_rows.keep(Workspace(project.folder), "strain-0-full", main.reindex(columns=shards.STRESS))
+    project.stages("stages.render_study stability")
     error = table[table["metric"] == "error"].set_index(["model", "perturbation", "severity"])["value"].sort_index()
     assert list(error["ridge", "sagging_supply"].index) == [0, 0.1, 0.5]
     clean, some, more = error["ridge", "sagging_supply"]
     assert clean == error["ridge", "noise", 0] and clean < some < more
     assert error["constant", "sagging_supply"].nunique() == 1
     report = (project.folder / "reports" / "stability" / "README.md").read_text()
-    assert re.search(r"\| Model +\| Relative error +\| Sagging supply +\| Noise +\|", report)
-    assert re.search(r"\| Sagging supply +\| +0.5 +\| +take the same share of the range from all elements +\|", report)
+    where = r"\(share of the range\) +\|"
+    assert re.search(rf"\| Model +\| Clean \(mm\) +\| Sagging supply {where} Noise {where}", report)
+    assert re.search(r"\| Sagging supply +\| +take the same share of the range from all elements +\|.* 0.5 \|", report)

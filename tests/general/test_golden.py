@@ -8,7 +8,6 @@ import subprocess
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import pytest
 from builders.project import ROOT
 from builders.prose import faults
@@ -21,12 +20,11 @@ from pipeline.claims.rules import CONTRADICTED, OFF
 from pipeline.commands import coverage
 from pipeline.reporting import claims as claims_report
 from pipeline.reporting import experiment as experiment_report
-from pipeline.reporting import recorded, speed, studies
+from pipeline.reporting import recorded, speed, stability, studies
 from pipeline.reporting.page import sections
 from pipeline.reporting.words.labels import FRONTS, SPREAD
-from pipeline.scenes import glove as glove_scene
 from pipeline.scoring import one_table, results
-from pipeline.stages import metrics, render, twins
+from pipeline.stages import metrics, render, render_study, twins
 from pipeline.studies import counts
 
 REPOSITORY = Workspace(ROOT)
@@ -111,26 +109,18 @@ def test_a_speed_table_has_the_measured_times_and_the_models_on_the_front(path):
             assert list(speed.pareto(panel[SPREAD[time]], error)) == list(panel[column] == 1), (column, panel)
 
 
-NOT_DERIVED = {"glove_recorded"}  # what the joint angles alone tell is no committed table
-NOT_DERIVED |= {name for name in VALUES["experiments"] if not (REPORTS / name).is_dir()}  # no report yet
-DRAWN = ("draw", "draw_grasp", "draw_laws", "draw_sequences", "draw_confusions", "draw_task", "draw_time")
-DRAWN += ("draw_studies", "presses")  # functions of reports that draw, or collect what is drawn
+DRAWN = ("draw", "draw_laws", "draw_readings", "draw_confusions", "draw_task", "draw_time", "draw_studies", "presses")
 
 
 @pytest.fixture
 def laid_out(workspace, monkeypatch):
-    """`laid_out(experiment)`: the workspace as its stages left it, as far as committed tables say, and a new report.
+    """`laid_out(experiment)`: a new report of the committed evidence.
 
     Figures are not drawn; those that are committed are there, since a report names the ones that are.
     """
     (workspace.root / "evidence").symlink_to(ROOT / "evidence")
 
     def make(experiment: str):
-        made = {"scores": workspace.scores, "latency": workspace.latency, "claim_inputs": workspace.claim_inputs}
-        for name, path in made.items():
-            table = pd.read_csv(REPORTS / f"{name}.csv", dtype=str, keep_default_na=False)
-            path(experiment).parent.mkdir(parents=True, exist_ok=True)
-            table[table["experiment"] == experiment].to_csv(path(experiment), index=False)
         workspace.reports.mkdir()
         shutil.copy(REPORTS / "counts.csv", workspace.reports)
         target = workspace.root / "report"
@@ -139,23 +129,19 @@ def laid_out(workspace, monkeypatch):
             for figure in (REPORTS / experiment / part).glob("*.png"):
                 (target / part / figure.name).touch()
         module = render.SIMULATED.get(experiment, recorded)
-        objects = pa.table({"condition": list(glove_scene.OBJECTS)})
-        for name in ("read_windows", "read_latents", *DRAWN):
+        for name in ("read_latents", *DRAWN):
             if hasattr(module, name):
-                monkeypatch.setattr(module, name, lambda *given, **named: objects if len(given) == 2 else ())
+                monkeypatch.setattr(module, name, lambda *given, **named: ())
         monkeypatch.setattr(experiment_report, "learning_curves", lambda *given: None)
         monkeypatch.setattr(experiment_report.speed_figures, "chart", lambda *given: None)
-        render.write(workspace, target, experiment, VALUES[experiment])
+        render.write(workspace, target, experiment, VALUES[experiment], look=False)
         return target
 
     return make
 
 
-DERIVED = [name for name in VALUES["experiments"] if name not in NOT_DERIVED]
-
-
-@pytest.mark.parametrize("experiment", DERIVED)
-def test_the_report_of_an_experiment_follows_from_its_scores_times_and_the_evidence(experiment, laid_out):
+@pytest.mark.parametrize("experiment", VALUES["experiments"])
+def test_the_report_of_an_experiment_follows_from_the_evidence(experiment, laid_out):
     target = laid_out(experiment)
     files = {path.relative_to(target) for path in target.rglob("*.*") if path.suffix != ".png"}
     folder = REPORTS / experiment
@@ -181,24 +167,20 @@ def assert_same_file(found, committed) -> None:
         assert equal, (committed, column)
 
 
-STUDIES = ("stability", "rightsize", "physics")
+STUDIES = {"stability": stability.stability, "rightsize": studies.rightsize, "physics": studies.physics}
+OF_STUDIES = {name: render_study.TABLES.get(study, f"{name}.csv") for name, study in STUDIES.items()}  # their tables
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_the_report_of_a_study_follows_from_the_stress_tests_and_the_evidence(name, tmp_path, undrawn, monkeypatch):
-    """Of every run of the settings: of the committed results there is none missing, wherever they were computed."""
-    monkeypatch.setattr(studies, "why_not_run", lambda *given: None)
+def test_the_report_of_a_study_follows_from_the_evidence(name, tmp_path, undrawn):
     folder = tmp_path / name
     folder.mkdir()
-    tested = set(pd.read_csv(REPORTS / "stress.csv", usecols=["experiment"])["experiment"])  # others have no rows yet
-    values = VALUES | {"experiments": [one for one in VALUES["experiments"] if one in tested]}
-    table = getattr(studies, name)(REPOSITORY, folder, values)
+    table = STUDIES[name](REPOSITORY, folder, VALUES)
     for file in sorted(path for path in folder.iterdir() if path.suffix != ".png"):
         assert_same_file(file, REPORTS / name / file.name)
     assert {path.name for path in folder.iterdir()} == {path.name for path in (REPORTS / name).iterdir()}
-    if table is not None:
-        table.to_csv(tmp_path / "table.csv", index=False, na_rep="nan" if name == "rightsize" else "")
-        assert_same_file(tmp_path / "table.csv", REPORTS / f"{name}.csv")
+    table.to_csv(tmp_path / "table.csv", index=False, na_rep="" if name == "physics" else "nan")
+    assert_same_file(tmp_path / "table.csv", REPORTS / OF_STUDIES[name])
 
 
 @pytest.mark.parametrize("experiment", list(twins.MODULES))
@@ -250,16 +232,17 @@ def test_the_page_of_benchmarks_follows_from_its_tables(tmp_path):
 PAGES = ("index.html", "appendix.html")
 
 
-def test_the_reviewers_pages_follow_from_the_reports(workspace, undrawn, monkeypatch):
+def test_the_reviewers_pages_follow_from_the_reports(workspace, undrawn):
     """But for the pictures in them, which other versions of libraries draw by other bytes."""
-    monkeypatch.setattr(sections, "why_not_run", lambda *given: None)
     for name in ("README.md", "constraints.txt"):
         shutil.copy(ROOT / name, workspace.root)
     for name in ("evidence", "docs", "dvc.yaml"):
         (workspace.root / name).symlink_to(ROOT / name)
     shutil.copytree(REPORTS, workspace.reports)
+    (workspace.reports / "shards.md").unlink()
     found = sections.build(workspace, VALUES)
     assert tuple(found) == PAGES
+    assert_same_file(workspace.reports / "shards.md", REPORTS / "shards.md")
     for name, page in found.items():
         committed = (REPORTS / name).read_text(encoding="utf-8")
         ours, theirs = (re.sub(r"data:image/[^\"]*", "", text) for text in (page, committed))
@@ -268,19 +251,26 @@ def test_the_reviewers_pages_follow_from_the_reports(workspace, undrawn, monkeyp
 
 # What the tests above compute anew: patterns of files of reports/, from what these tests run over.
 ANEW = {
-    *("claims.csv", "claims.md", "twins.csv", "twins/README.md", "counts.csv", "benchmarks/README.md", *PAGES),
+    *(
+        "claims.csv",
+        "claims.md",
+        "twins.csv",
+        "twins/README.md",
+        "counts.csv",
+        "benchmarks/README.md",
+        "shards.md",
+        *PAGES,
+    ),
     *(f"metrics/{name}/*" for name in VALUES["experiments"]),
-    *(f"{name}/*/*.{kind}" for name in DERIVED for kind in ("csv", "md")),
+    *(f"{name}/*/*.{kind}" for name in VALUES["experiments"] for kind in ("csv", "md")),
     *map(relative, [*TABLES, *SPEEDS]),
     *(f"{name}/*.{kind}" for name in STUDIES for kind in ("csv", "md")),
-    *(f"{name}.csv" for name in STUDIES if name != "stability"),
+    *OF_STUDIES.values(),
     "coverage/README.md",
 }
 NOT_ANEW = {  # with the reason
     "*.png": "pictures: what they show are the tables, and libraries draw them by other bytes",
     "scores.csv": "trained: hours; tests/miniature.csv pins the same code at small scale",
-    "stress.csv": "trained: hours; tests/miniature.csv pins the same code at small scale",
-    "claim_inputs.csv": "of trained models: hours",
     "latency.csv": "measured on one machine",
     "benchmarks.csv": "measured on one machine",
     "growth.csv": "measured on one machine",
@@ -289,7 +279,6 @@ NOT_ANEW = {  # with the reason
     "sheet/*": "of recordings that not every machine has",
     "targets/*": "of recordings that not every machine has: minutes",
     "material/fit.md": "of recordings that not every machine has: minutes",
-    "glove_recorded/*/*.md": "what the joint angles alone tell is no committed table",
 }
 
 

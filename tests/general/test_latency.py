@@ -9,13 +9,16 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from builders import made_reports, random_models
-from builders.project import ROOT
+from builders.project import ROOT, run_stage
 
 from pipeline import tasks
-from pipeline.base import params
+from pipeline.base import modules, params
+from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.inference import describer, onnx_network, predictor
+from pipeline.scoring import shards, times
 from pipeline.stages import latency
+from pipeline.studies import latency as study
 from pipeline.tasks import windows
 
 SETTINGS = {"warm_up": 3, "calls": 4, "rounds": 1}
@@ -116,7 +119,7 @@ def test_times_are_of_all_rounds_and_of_the_threads_that_the_table_names(workspa
     timed = [ms for _, *of_round in ROUNDS_MS for ms in of_round]
     assert row["p50_ms"] == pytest.approx(7.0) and row["p95_ms"] == pytest.approx(np.percentile(timed, 95))
     assert (row["p50_low_ms"], row["p50_high_ms"]) == pytest.approx((1.5, 16.5)), "medians of the rounds"
-    assert tuple(row[["params", "macs", "train_s", "size_bytes"]]) == (5, 6, 2.0, 100)
+    assert tuple(row[["params", "macs", "train_s", "size_bytes", "calls"]]) == (5, 6, 2.0, 100, 6)
 
 
 OF_KIND = {"touch": (40, 200, (6, 3, 6)), "strain": (1.5, 2.5, (6, 3)), "glove": (0, 255, (6, 1, 1024))}
@@ -173,7 +176,36 @@ def test_what_is_timed_are_the_readings_of_the_test_part(column, experiment, wor
     if experiment == "strain":  # a recording of the task
         of_test &= np.array(table["condition"].to_pylist()) == run[0]
     raw = np.array(table[column].to_pylist())[of_test].astype(float)
+    raw = raw[:, : settings["sensor"]["channels"]] if experiment == "strain" else raw
     (x,) = of_models
     assert len(raw) > 3 and np.ptp(raw) > 0
     np.testing.assert_array_equal(np.asarray(x, float).reshape(len(x), -1)[: len(raw)], raw.reshape(len(raw), -1))
     assert {batch for batch, _ in batches} == {1, 4} and all(given is x for _, given in batches)
+
+
+SETS = {each.experiment: each for each in shards.read_sets(Workspace(ROOT)).values() if each.study == times.LATENCY}
+
+
+def test_every_experiment_is_timed_for_the_evidence_with_more_calls_than_the_look():
+    values = params.load(ROOT / "params.yaml")
+    assert set(SETS) == set(values["experiments"])
+    for experiment, each in SETS.items():
+        first, _ = params.runs(values, experiment)[0]
+        assert (each.protocols, each.seeds) == ([first], 1), "what the stage times"
+        assert each.set[f"{experiment}.latency.calls"] > values[experiment]["latency"]["calls"]
+        assert each.set[f"{experiment}.budget"] == values[experiment]["budget"], "trained no longer than for the look"
+
+
+def test_the_study_keeps_what_the_stage_measured(workspace, monkeypatch):
+    run = []
+
+    def stage(root, module, *given):
+        run.append((root, module, *given))
+        if module.endswith("latency"):
+            workspace.latency("touch").parent.mkdir(parents=True)
+            workspace.latency("touch").write_text("experiment,model\ntouch,linear\n")
+
+    monkeypatch.setattr(modules, "run", stage)
+    run_stage(monkeypatch, workspace, study, "touch", "0")
+    assert run == [(workspace.root, f"pipeline.stages.{name}", "touch") for name in ("train", "latency")]
+    assert workspace.study_result("touch", times.LATENCY).read_text() == "experiment,model\ntouch,linear\n"

@@ -1,4 +1,4 @@
-"""Every score in MLflow, and what a paper prints beside it, is that of the tables: of each condition, no variant."""
+"""Every score in MLflow, and what a paper prints beside it, is that of the tables: of each condition and variant."""
 
 import copy
 import csv
@@ -16,7 +16,7 @@ from pipeline.base import params
 from pipeline.base.files import sha256, write_table
 from pipeline.base.paths import Workspace
 from pipeline.inference import mlflow_runs
-from pipeline.scoring import claim_inputs, one_table, shards
+from pipeline.scoring import claim_inputs, one_table, shards, shown
 
 COMPARED = ("rmse", "error", "macro_precision", "accuracy")  # scores that runs are compared by
 LOG_SCALE = ("rmse", "error")  # their mean over seeds is geometric
@@ -53,13 +53,15 @@ def printed(experiment: str, model: str, condition: str, metric: str) -> float |
 
 
 def by_hand(folder) -> dict[tuple, dict[str, float]]:
-    """Return (experiment, model, protocol, budget) -> metric of MLflow -> value, from the files of the evidence."""
+    """Return (experiment, model, protocol, variant, budget) -> metric of MLflow -> value, from the evidence's files."""
     seeds = defaultdict(dict)
     for path in sorted((folder / "results").glob("*.csv")):
+        whole = path.name.endswith("-half.csv") and path.with_name(path.name.replace("-half", "-full")).exists()
         with open(path, newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file):
-                if not row["variant"] and row["metric"] in COMPARED:
-                    run = row["experiment"], row["model"], row["protocol"], row["budget"] or "none"
+                if row["metric"] in COMPARED and (row["budget"] or not whole):  # else that of the full shard counts
+                    of = (row[name] or "none" for name in ("protocol", "variant", "budget"))
+                    run = row["experiment"], row["model"], *of
                     seeds[run, row["condition"], row["metric"]][row["seed"]] = float(row["value"])
     found = defaultdict(dict)
     for (run, condition, metric), values in seeds.items():
@@ -77,7 +79,7 @@ def tracked(runs: dict[str, list]) -> dict[tuple, dict[str, float]]:
     told = {}
     for experiment, each in runs.items():
         for run in each:
-            key = experiment, run.tags["model"], run.tags["protocol"], run.tags["budget"]
+            key = experiment, *(run.tags[name] for name in ("model", "protocol", "variant", "budget"))
             assert key not in told and run.tags["experiment"] == experiment
             told[key] = {name: value for name, value, _ in run.points if name.startswith(("main/", "published/"))}
     return told
@@ -89,20 +91,24 @@ def assert_same(told: dict[tuple, dict], wanted: dict[tuple, dict]) -> None:
         assert told[run] == pytest.approx(metrics, rel=1e-9, nan_ok=True), run
 
 
+def of_evidence(workspace) -> dict[str, list]:
+    return mlflow_runs.evidence(workspace, shown.evidence(workspace))
+
+
 def test_every_score_of_the_evidence_is_that_of_its_files_and_of_the_one_table():
-    told, wanted = tracked(mlflow_runs.evidence(Workspace(ROOT))), by_hand(ROOT / "evidence")
+    told, wanted = tracked(of_evidence(Workspace(ROOT))), by_hand(ROOT / "evidence")
     assert_same(told, wanted)
     assert sum("published/" in name for metrics in told.values() for name in metrics) > 40
     values = params.load(ROOT / "params.yaml")
     table = one_table.results(Workspace(ROOT), one_table.of_own_logs(values))
-    for (experiment, model, protocol, budget), metrics in told.items():
+    for (experiment, model, protocol, *further), metrics in told.items():
+        variant, at = ("" if name == "none" else name for name in further)
         for name, value in metrics.items():
             group, _, score = name.partition("/")
             condition, _, metric = score.rpartition(".")
-            at = "" if budget == "none" else budget
             if group == "main":
-                shown = table.estimate(experiment, protocol, condition, model, metric, budget=at)
-                assert shown.mean == pytest.approx(value, rel=1e-9, nan_ok=True), (experiment, model, name)
+                there = table.estimate(experiment, protocol, condition, model, metric, variant, budget=at)
+                assert there.mean == pytest.approx(value, rel=1e-9, nan_ok=True), (experiment, model, name)
 
 
 @pytest.fixture
@@ -133,17 +139,19 @@ def made(workspace):
     return workspace
 
 
-def test_conditions_are_apart_and_variants_are_no_runs(made):
-    told = tracked(mlflow_runs.evidence(made))
+def test_conditions_and_variants_are_apart(made):
+    told = tracked(of_evidence(made))
     assert_same(told, by_hand(shards.folder(made)))
-    assert told["touch", "lomp", "press", "full"] == pytest.approx(
+    assert told["touch", "lomp", "press", "none", "full"] == pytest.approx(
         {
             **{"main/single.rmse": 48 ** (1 / 3), "main/double.rmse": (12 * 14 * 16) ** (1 / 3)},
             **{"main/slide.rmse": (22 * 24 * 26) ** (1 / 3)},
             **{"published/single.rmse": 2.17, "published/double.rmse": 7.49},
         }
     )
-    assert len(told) == 4
+    half = (50 * 100 * 150) ** (1 / 3)
+    assert told["touch", "lomp", "press", "lomp_half", "full"]["main/single.rmse"] == pytest.approx(half)
+    assert len(told) == 6
 
 
 def test_a_training_of_the_look_has_the_scores_of_its_own_seed_and_condition(tmp_path):

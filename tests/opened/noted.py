@@ -70,8 +70,8 @@ def ignore_bookkeeping(replace: Callable) -> None:
 def main() -> None:
     """Note what the stage reads that this process was started for."""
     command = dict(zip(sys.orig_argv, sys.orig_argv[1:], strict=False)).get("-m", "")
-    studies = any(word.startswith("studies.") for word in sys.orig_argv)  # several in one process: `Project.stages`
-    if not (command.startswith("pipeline.") or studies) or command in BOOKKEEPERS:
+    several = any(word.startswith(("stages.", "studies.")) for word in sys.orig_argv)  # by `Project.stages`
+    if not (command.startswith("pipeline.") or several) or command in BOOKKEEPERS:
         return
     from pipeline.base import params
 

@@ -177,3 +177,44 @@ def test_a_target_may_be_asked_for_by_dotted_keys(tmp_path):
         written(tmp_path / str(k), "strain", given)
         found.append(own_settings.asked(tmp_path / str(k)))
     assert found[0] is not None and found[1] == found[0] and found[2] == found[0]
+
+
+FAULTS = {"dead": 0.1, "gain": 0.2, "offset": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("experiment", "model"),
+    [("touch", "lomp_stream"), ("touch", "cnn"), ("strain", "lstm_direct"), ("glove", "sp_resnet")],
+)
+def test_a_network_of_a_sensor_can_be_trained_with_faults(experiment, model, tmp_path):
+    key = f"{experiment}.models.{model}.training"
+    made = written(tmp_path / "it", experiment, {f"{key}.faults": FAULTS})[experiment]["models"]
+    assert made[model]["training"] == VALUES[experiment]["models"][model]["training"] | {"faults": FAULTS}
+    assert all("faults" not in block.get("training", {}) for name, block in made.items() if name != model)
+    whole = {key: VALUES[experiment]["models"][model]["training"] | {"faults": FAULTS}}
+    assert written(tmp_path / "block", experiment, whole)[experiment]["models"][model] == made[model]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"touch.models.linear.training.faults": FAULTS}, "`touch.models.linear.training.faults`: linear cannot be "
+         "trained with faults; of the models of touch these can: cnn, vgg, convlstm, rnn, lomp, lomp_stream"),
+        ({"touch.models.window_trees.training": {"faults": FAULTS}}, "window_trees cannot be trained with faults"),
+        ({"strain.models.esn.training.faults": FAULTS}, "esn cannot .* lstm_direct, lstm_transfer, lstm_highpass"),
+        ({"strain.models.lstm_transfer_ridge.training.faults": FAULTS}, "lstm_transfer_ridge cannot be trained with"),
+        ({"glove.models.tree.faults": FAULTS}, "`glove.models.tree.faults`: tree cannot be trained with faults"),
+        ({"touch.models.lomp.training.fault": FAULTS}, "did you mean 'faults'"),
+        ({"touch.models.lomp.training.faults.dead": 0.1}, "there is no 'touch.models.lomp.training.faults' in which "
+         "'dead' could be set; write all of it, `touch.models.lomp.training.faults: {dead: ..., gain: ..., offset"),
+        ({"touch.models.lomp.training.faults": FAULTS | {"ded": 0.1}}, "unknown key 'ded'; did you mean 'dead'"),
+        ({"touch.models.lomp.training.faults": {"dead": 0.1, "gain": 0.2}}, "key 'offset' is missing"),
+        ({"touch.models.lomp.training.faults": FAULTS | {"dead": 1.5}}, "faults.dead: .* or equal to 1, got 1.5"),
+        ({"touch.models.lomp.training.faults": FAULTS | {"gain": -0.2}}, "faults.gain: .* or equal to 0"),
+        ({"touch.models.lomp.training.faults": dict.fromkeys(FAULTS, 0.0)}, "dead, gain and offset are all 0"),
+    ],
+)  # fmt: skip
+def test_faults_that_cannot_be_are_refused_with_the_key(given, words, tmp_path):
+    experiment = next(iter(given)).partition(".")[0]
+    with pytest.raises(InputError, match="settings.yaml.*" + words):
+        written(tmp_path / "it", experiment, given)

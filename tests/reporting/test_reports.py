@@ -13,6 +13,7 @@ import pandas as pd
 import pyarrow.parquet
 import pytest
 from builders import made_reports
+from builders.made_reports import MADE
 from builders.project import ROOT
 from scipy.stats import t as student
 
@@ -25,16 +26,16 @@ from pipeline.reporting import own_sensor
 from pipeline.reporting.claims import short_row
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import model_name
-from pipeline.scoring import claim_inputs, glove_results, one_table, published, results, shards, strain_results
+from pipeline.scoring import glove_results, one_table, published, results, shards
 
 SPEED = {f"speed/{name}" for name in ("table2.csv", "table2.md", "tradeoff.png", "training.png")}
 FILES = {  # of accuracy/, beside README.md
     "touch": {"table1.csv", "learning_curves.png", *(f"figure{k}.png" for k in ("2b", 4, 5, 6, 7, 8))},
-    "velostat_recorded": {"table.csv", "figure.png"},
+    "velostat_recorded": {"table.csv", "figure.png", "learning_curves.png"},
     "strain": {f"{name}.csv" for name in ("table1", "samples", "drift", "capacity", "strands", "bases")}
     | {f"{name}.png" for name in ("figure5", "figure5_drift", "figure6", "figure7", "figure8_task_1", "figure8_task_2")}
-    | {f"{name}.png" for name in ("samples", "drift", "capacity", "strands", "time")},
-    "strain_recorded": {"table.csv", "figure.png"},
+    | {f"{name}.png" for name in ("samples", "drift", "capacity", "strands", "time", "learning_curves")},
+    "strain_recorded": {"table.csv", "figure.png", "learning_curves.png"},
     "glove": {"table1.csv", "table2.csv", "figure15.csv"}
     | {f"figure{k}.png" for k in (7, 9, 10, 13, "14_pressure", "14_strain", "14_combined", 15)}
     | {"learning_curves.png"},
@@ -134,7 +135,9 @@ def test_the_report_of_an_own_sensor_has_every_model_and_nothing_of_a_paper(
         scores = pd.read_csv(workspace.scores("touch"))
         gain = scores[scores["metric"] == "rmse"].assign(metric="force_gain", unit="1", value=1.0)
         pd.concat([scores, gain]).to_csv(workspace.scores("touch"), index=False)
-    target = made_reports.rendered(workspace, experiment, settings, monkeypatch) / "accuracy"
+    said = made_reports.rendered(workspace, experiment, settings, monkeypatch) / "accuracy" / "README.md"
+    assert "there is no evidence" in said.read_text() and len(list(said.parent.iterdir())) == 1
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch, "look") / "accuracy"
     text = (target / "README.md").read_text()
     assert text.startswith("# `my*sensor`: ") and not re.search(NEVER + "|published|simulated|reproduced", text)
     figures = re.findall(r"\]\((\w+\.png)\)", text)
@@ -161,25 +164,29 @@ def test_figures_are_drawn(workspace, monkeypatch, experiment):
 @pytest.mark.slow
 def test_reports_repeat_byte_for_byte_and_measured_times_are_in_speed_alone(workspace, made, monkeypatch):
     settings = made("velostat_recorded")
-    (workspace.reports / "velostat_recorded").mkdir(parents=True)
-    (workspace.reports / "velostat_recorded" / "stale.md").write_text("of a model that was removed")
-    target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch)
+    (workspace.look / "velostat_recorded").mkdir(parents=True)
+    (workspace.look / "velostat_recorded" / "stale.md").write_text("of a model that was removed")
+    target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch, "look")
     first = {path.relative_to(target).as_posix(): path.read_bytes() for path in target.rglob("*.*")}
     assert "stale.md" not in first
     latency = pd.read_csv(workspace.latency("velostat_recorded"))
     latency[["p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms"]] *= 1.5
     latency.to_csv(workspace.latency("velostat_recorded"), index=False)
-    made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch)
+    made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch, "look")
     assert {name for name in first if (target / name).read_bytes() != first[name]} == SPEED - {"speed/training.png"}
 
 
 @pytest.mark.parametrize("experiment", ["touch", "strain", "glove"])
 def test_words_and_tables_of_accuracy_have_no_measured_time(workspace, made, shown, unplotted, monkeypatch, experiment):
-    settings = made(experiment)
-    latency = pd.read_csv(workspace.latency(experiment))
+    settings, timed = made(experiment), shards.study_file(workspace, experiment, "latency", 0)
+    latency = pd.read_csv(timed)
     latency[["p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms"]] *= 1.5
-    latency.to_csv(workspace.latency(experiment), index=False)
+    latency.to_csv(timed, index=False)
+    index, name = shards.folder(workspace) / "index.csv", f"latency_{experiment}-0-full"
+    (line,) = shards.table(index, shards.INDEX).query("shard == @name").to_dict("records")
+    shards.upsert(index, shards.INDEX, name, [line | {"sha256": shards.digest([timed])}])
     target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    assert (target / "speed" / "table2.csv").read_bytes() != (shown(experiment) / "speed" / "table2.csv").read_bytes()
     slower, usual = (
         {path.name: path.read_bytes() for path in (at / "accuracy").iterdir()} for at in (target, shown(experiment))
     )
@@ -252,7 +259,6 @@ def test_numbers_of_glove(shown):
 @pytest.mark.parametrize("experiment", ["touch", "glove"])
 def test_verdicts_of_a_report_are_those_of_the_claims(workspace, made, unplotted, monkeypatch, experiment):
     settings = made(experiment)
-    made_reports.write_evidence(workspace, experiment)
     target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
     claims = [claim for claim in entries.read(workspace)[0] if claim.experiment == experiment]
     known = one_table.results(workspace, [], experiment)
@@ -269,7 +275,7 @@ def test_a_run_that_is_not_there_is_said(workspace, made):
     scores = pd.read_csv(workspace.scores("touch"))
     gone = (scores["model"] == "rnn") | (scores["model"] == "lomp") & (scores["seed"] > 0)
     scores[~gone].to_csv(workspace.scores("touch"), index=False)
-    report = Report(workspace, "touch", settings)
+    report = Report(workspace, "touch", settings, look=True)
     rows = {cells(line)[0]: cells(line) for line in report.table({"single": ("press", "single", "rmse")}).splitlines()}
     assert rows["RNN"][1:] == ["2.16", "not run"] and rows["LoMP"][1:] == ["2.17", "10.00, of 1"]
     assert report.score("press", "single", "cnn", "rmse") == "not run"
@@ -291,10 +297,8 @@ def test_the_ratio_of_shares_is_that_of_what_is_missing(workspace, made):
     ("experiment", "missing"),
     [
         ("touch", "scores.csv"),
-        ("touch", "frames.parquet"),
-        ("touch", "dataset.parquet"),
+        ("touch", "kept.parquet"),
         ("touch", "speed/latency.csv"),
-        ("touch", "predictions/rnn.parquet"),
         ("touch", "models/rnn/press-1/fit.json"),
         ("touch", "models/rnn/press-1/history.csv"),
         ("glove_recorded", "probe.csv"),
@@ -304,16 +308,88 @@ def test_a_missing_file_is_named(workspace, made, unplotted, monkeypatch, experi
     settings = made(experiment)
     (workspace.experiment_folder(experiment) / missing).unlink()
     with pytest.raises(InputError, match=f"data/{experiment}/{missing}: not found"):
-        made_reports.rendered(workspace, experiment, settings, monkeypatch)
-    assert not (workspace.reports / experiment).exists()
+        made_reports.rendered(workspace, experiment, settings, monkeypatch, "look")
+    assert not (workspace.look / experiment).exists()
+
+
+@pytest.mark.parametrize("experiment", made_reports.DATA)
+def test_a_committed_report_follows_from_the_evidence_and_the_look_from_what_is_here(
+    workspace, made, shown, unplotted, monkeypatch, experiment
+):
+    settings = made(experiment)
+    look = made_reports.rendered(workspace, experiment, settings, monkeypatch, "look")
+    assert "is of the look" in (look / "accuracy" / "README.md").read_text()
+    shutil.rmtree(workspace.root / "data")
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    known = shown(experiment)
+    names = {path.relative_to(known) for path in known.rglob("*.*")}
+    assert names == {path.relative_to(target) for path in target.rglob("*.*")}
+    assert all((target / name).read_bytes() == (known / name).read_bytes() for name in names)
+    text = (target / "accuracy" / "README.md").read_text()
+    assert "is of the evidence" in text and "have kept no" not in text
+
+
+@pytest.mark.parametrize("experiment", made_reports.DATA)
+def test_what_no_shard_has_kept_is_said_and_not_drawn(workspace, made, unplotted, monkeypatch, experiment):
+    settings = made(experiment)
+    shards.kept_file(workspace, made_reports.MADE).unlink()
+    index = shards.folder(workspace) / "index.csv"
+    (line,) = [row for row in pd.read_csv(index, dtype=str).fillna("").to_dict("records") if row["shard"] == MADE]
+    shards.upsert(index, shards.INDEX, MADE, [line | {"kept_sha256": ""}])
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch) / "accuracy"
+    text = (target / "README.md").read_text()
+    assert "Some shards have kept no predictions: `tactile evidence made` computes those that figures show." in text
+    assert not re.search(NEVER, text)
+    left = {path.name for path in target.glob("*.png")}
+    assert set(re.findall(r"\]\((\w+\.png)\)", text)) == left < FILES[experiment]
+    with pytest.raises(InputError, match="kept.parquet: not found"):
+        workspace.kept(experiment).unlink()
+        made_reports.rendered(workspace, experiment, settings, monkeypatch, "look")
+
+
+@pytest.mark.parametrize("experiment", made_reports.DATA)
+def test_without_evidence_a_report_shows_nothing_of_the_look(workspace, made, unplotted, monkeypatch, experiment):
+    settings = made(experiment)
+    (shards.folder(workspace) / "index.csv").unlink()
+    shutil.rmtree(shards.folder(workspace) / "studies", ignore_errors=True)
+    target = made_reports.rendered(workspace, experiment, settings, monkeypatch)
+    text = (target / "accuracy" / "README.md").read_text()
+    assert "not computed" in text and not re.search(NEVER, text) and "look of this machine" not in text
+    of_scene = {"figure2b.png", "figure7.png", "figure9.png"}
+    assert {path.name for path in (target / "accuracy").glob("*.png")} <= of_scene
+
+
+def test_captions_say_budget_seeds_and_split(workspace, made):
+    settings = made("touch")
+    report = Report(workspace, "touch", settings)
+    assert report.caption("press") == "full budget, first of 3 arrays, test part of press"
+    assert report.caption("press", 3) == "full budget, 3 arrays together, test part of press"
+    assert report.caption("press", 2) == "full budget, 2 together of 3 arrays, test part of press"
+    assert report.caption("random_window") == "full budget, 1 array, test part of random window"
+    look = Report(workspace, "touch", settings, look=True)
+    assert look.caption("press") == "look of this machine, first of 3 arrays, test part of press"
+
+
+def test_a_kept_file_that_the_index_does_not_know_is_refused(workspace, made, unplotted, monkeypatch):
+    settings = made("strain")
+    path = shards.kept_file(workspace, MADE)
+    path.write_bytes(path.read_bytes() + b" ")
+    with pytest.raises(InputError, match=f"{MADE}.parquet: not the file that .*index.csv tells of"):
+        made_reports.rendered(workspace, "strain", settings, monkeypatch)
 
 
 @pytest.mark.parametrize("experiment", ["touch", "strain", "glove"])
 def test_a_study_that_was_not_computed_is_said_and_nothing_breaks(workspace, made, unplotted, monkeypatch, experiment):
     settings = made(experiment)
-    shutil.rmtree(shards.folder(workspace))
-    rows = claim_inputs.rows(workspace, experiment, settings)
-    rows.to_csv(workspace.claim_inputs(experiment), index=False)
+    folder = shards.folder(workspace)
+    shutil.rmtree(folder / "studies", ignore_errors=True)
+    index = pd.read_csv(folder / "index.csv", dtype=str)
+    index[index["shard"] == MADE].to_csv(folder / "index.csv", index=False)
+    path = shards.result_file(workspace, MADE)
+    rows = pd.read_csv(path, dtype=str)
+    rows[rows["variant"].isna()].to_csv(path, index=False)
+    line = index[index["shard"] == MADE].fillna("").to_dict("records")[0] | {"sha256": shards.digest([path])}
+    shards.upsert(folder / "index.csv", shards.INDEX, MADE, [line])
     target = made_reports.rendered(workspace, experiment, settings, monkeypatch) / "accuracy"
     text = (target / "README.md").read_text()
     assert re.search(r"[Ss]till to be computed with `tactile evidence`", text) and not re.search(NEVER, text)
@@ -360,12 +436,6 @@ def test_figure_15_has_both_forms_and_networks_of_several_frames_begin_with_one(
     assert set(glove_results.read_frames(workspace, "pressure", ["sp_resnet"])["form"]) == {"mean"}
 
 
-def test_error_is_over_the_outputs_that_were_asked_for():
-    truth = np.array([[3.0, 4.0, 7.0]])
-    assert strain_results.mean_error(truth, np.array([[0.0, 0.0, np.nan]])) == pytest.approx(5.0)
-    assert strain_results.mean_error(truth, np.array([[np.nan, np.nan, 5.0]])) == pytest.approx(2.0)
-
-
 def test_published_tables_are_read():
     assert published.precision("sp_resnet", "combined") == 95.5 and published.precision("none", "strain") == 88.25
     models = (*published.PRINTED["sp_resnet"], *published.METHODS)
@@ -378,7 +448,7 @@ def test_velostat_without_recordings_says_why(workspace, monkeypatch):
     workspace.ingest_report("velostat_recorded").parent.mkdir(parents=True)
     workspace.ingest_report("velostat_recorded").write_text(json.dumps(reason))
     settings = made_reports.settings_of("velostat_recorded")
-    target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch)
+    target = made_reports.rendered(workspace, "velostat_recorded", settings, monkeypatch, "look")
     assert "tactile fetch velostat_recorded" in (target / "accuracy" / "README.md").read_text()
     assert not list(target.rglob("*.csv")) and not list(target.rglob("*.png"))
 

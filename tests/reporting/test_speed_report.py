@@ -1,17 +1,22 @@
 """Charts and tables of speed against accuracy: the right fronts, every model named, no failure drawn as a result."""
 
-from types import SimpleNamespace
+import json
+import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.base.errors import InputError
+from pipeline.base.files import sha256, write_table
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.figures import style
+from pipeline.reporting.page import charts
 from pipeline.reporting.report import Report
-from pipeline.scoring import shards
+from pipeline.reporting.words.labels import MACHINES
+from pipeline.scoring import shards, times
+from pipeline.scoring.claim_inputs import COLUMNS
 from pipeline.scoring.one_table import Results
 
 
@@ -77,11 +82,11 @@ def measured(workspace):
     latency = {
         (model, batch): {"threads": 1, "p50_ms": (1 + place) * batch / 2, "p95_ms": 9.0 * batch, "params": 10**place}
         | {"p50_low_ms": (0.9 + place) * batch / 2, "p50_high_ms": (1.1 + place) * batch / 2}
-        | {"macs": np.nan, "size_bytes": 77}
+        | {"macs": np.nan, "size_bytes": 77, "batch": batch, "calls": 7, "machine": "core"}
         for place, model in enumerate(right)
         for batch in (1, 256)
     }
-    return settings, Report(workspace, "glove", settings), latency
+    return settings, Report(workspace, "glove", settings, look=True), latency
 
 
 PANELS = {"strain": ("session_strain", "strain"), "pressure": ("session_pressure", "pressure")}
@@ -90,7 +95,7 @@ WRONG = ("accuracy", "Images classified incorrectly (%)")
 
 def test_table_holds_what_was_measured(workspace, measured):
     settings, report, latency = measured
-    found = speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
+    found = speed_report.speed_table(report, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
     tree = found.loc["strain", "tree"]
     assert tree["error"] == pytest.approx(40) and tree["low"] < 40 < tree["high"]
     assert tree["predictions_per_s"] == pytest.approx(1000) and tree["p50_ms"] == 1.0
@@ -102,33 +107,71 @@ def test_table_holds_what_was_measured(workspace, measured):
     assert found["training_front"].to_numpy().reshape(2, 3).tolist() == [[0, 1, 0], [1, 1, 0]]
 
 
-def test_times_of_the_evidence_are_of_the_budget_of_the_errors(workspace, measured):
-    settings, report, latency = measured
-    place = {"experiment": "glove", "protocol": "session_strain", "model": "tree", "variant": ""}
-    of_budgets = {"half": (0.5, 20.0), "full": (0.6, 40.0)}
+@pytest.fixture
+def computed(workspace, measured):
+    """(settings, report, latency): of shards of a tree on bending, at half and at all of four epochs, by `write_index`.
+
+    One of the full ones ran on a busy core, and took three times as long.
+    """
+    settings, _, latency = measured
     rows = [
-        place | {"condition": condition, "metric": metric, "seed": seed, "budget": budget, "unit": "", "value": value}
-        for budget, (right, seconds) in of_budgets.items()
+        {"experiment": "glove", "protocol": "session_strain", "condition": "strain", "model": "tree", "seed": seed}
+        | {"metric": "accuracy", "unit": "1", "budget": budget, "value": right, "n": 9}
+        for budget, right in {"half": 0.5, "full": 0.6}.items()
         for seed in (0, 1, 2)
-        for condition, metric, value in (("strain", "accuracy", right), ("session_strain", "train_s", seconds + seed))
     ]
-    report.results = Results(pd.concat([report.results.table, pd.DataFrame(rows)], ignore_index=True))
-    index_of(workspace, {f"set-{seed}-{budget}": "core" for budget in of_budgets for seed in (0, 1, 2)})
-    found = speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
-    tree, cnn = found.loc["strain", "tree"], found.loc["strain", "cnn"]
-    assert (tree["budget"], tree["train_s"], tree["train_low_s"], tree["train_high_s"]) == ("full", 41.0, 40.0, 42.0)
-    assert (tree["half_error"], tree["half_train_s"]) == (pytest.approx(50), 21.0) and tree["error"] == pytest.approx(
-        40
-    )
-    assert cnn["budget"] == "look" and np.isnan(cnn["half_train_s"])  # no shard has it
-    assert found.loc["pressure", "tree"]["budget"] == "look"
+    taken = {("set", seed, "full"): ("core", 4, 4.0 * (10 + seed)) for seed in (0, 1, 2)}
+    taken |= {("set", seed, "half"): ("core", 2, 2.0 * (10 + seed)) for seed in (0, 1)}
+    taken |= {("set", 2, "half"): ("core", 2, 2.0 * 36), ("set", 3, "full"): ("core, card", 4, 0.1)}
+    taken |= {("longer", 0, "full"): ("core", 50, 5000.0)}
+    write_index(workspace, taken, pd.DataFrame(rows))
+    return settings, Report(workspace, "glove", settings), latency
+
+
+def test_a_training_of_the_evidence_takes_its_epochs_times_the_seconds_of_one(workspace, computed):
+    """Of one machine, of no variant, at the budget of the errors; half of it never takes longer, whatever the load."""
+    settings, report, latency = computed
+    found = speed_report.speed_table(report, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
+    tree = found.loc["strain", "tree"]
+    per_epoch = [10, 11, 12, 10, 11, 36]
+    assert (tree["budget"], tree["training_machine"]) == ("full", "core")
+    assert (tree["train_s"], tree["train_low_s"], tree["train_high_s"]) == (4 * np.median(per_epoch), 40.0, 144.0)
+    assert tree["half_train_s"] == tree["train_s"] / 2 and tree["half_error"] == pytest.approx(50)
+    assert tree["error"] == pytest.approx(40)
+    cnn = found.loc["strain", "cnn"]
+    assert np.isnan(cnn["train_s"]) and np.isnan(cnn["half_train_s"]) and not cnn["training_front"]  # no shard has it
+    assert set(found.loc["pressure"]["budget"]) == {""}
+    text = speed_report.speed_text(found.reset_index(), "")
+    assert "Times of training were measured on core: " in text and "not timed" in text
+
+
+def test_half_is_drawn_where_it_was_scored(workspace, computed):
+    settings, report, latency = computed
+    table = report.results.table
+    report.results = Results(table[table["budget"] != "half"])
+    found = speed_report.speed_table(report, settings, latency, PANELS, WRONG).set_index(["panel", "model"])
+    assert found.loc["strain", "tree"]["train_s"] == 44.0 and np.isnan(found.loc["strain", "tree"]["half_train_s"])
+
+
+@pytest.mark.parametrize("time", ["p50_ms", "train_s"])
+def test_a_chart_of_two_machines_is_refused(measured, time, tmp_path):
+    settings, report, latency = measured
+    table = speed_report.speed_table(report, settings, latency, PANELS, WRONG)
+    table.loc[table["model"] == "cnn", MACHINES[time]] = "a card"
+    with pytest.raises(InputError, match="times of 2 machines, which do not compare: .*; a card"):
+        speed_figures.chart(tmp_path / "x.png", table, time, "Glove")
+    with pytest.raises(InputError, match="times of 2 machines"):
+        speed_report.speed_text(table, "")
+    with pytest.raises(InputError, match="times of 2 machines"):
+        charts.data(table, "Glove")
+    table.loc[table["model"] == "cnn", [time, MACHINES[time]]] = [np.nan, ""]  # not timed is no machine
+    speed_figures.chart(tmp_path / "x.png", table, time, "Glove")
+    assert {row["model"] for row in charts.data(table, "Glove")["rows"] if row["axis"] == time} == {"constant", "tree"}
 
 
 def test_text_says_failed_and_names_the_fronts(workspace, measured):
     settings, report, latency = measured
-    text = speed_report.speed_text(
-        speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG), 7, "", "A note."
-    )
+    text = speed_report.speed_text(speed_report.speed_table(report, settings, latency, PANELS, WRONG), "A note.")
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
     (cnn,) = [row for row in rows if row[0] == "CNN"]
     assert cnn[1] == cnn[2] == "failed (1 of 3 runs); others 10.00" and cnn[-2:] == ["no", "no"]
@@ -150,17 +193,17 @@ def test_a_model_without_a_time_is_named(workspace, measured, spoilt, words):
         times = pd.read_csv(path)
         times[times["protocol"] != "session_pressure"].to_csv(path, index=False)
     with pytest.raises(InputError, match=words):
-        speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG)
+        speed_report.speed_table(report, settings, latency, PANELS, WRONG)
 
 
 def test_a_failed_model_is_at_the_top_and_an_error_of_zero_on_the_chart(workspace, measured, monkeypatch, tmp_path):
     settings, report, latency = measured
-    table = speed_report.speed_table(workspace, report, settings, latency, PANELS, WRONG)
+    table = speed_report.speed_table(report, settings, latency, PANELS, WRONG)
     table.loc[table["model"] == "constant", ["error", "low", "high"]] = 0.0
     saved = []
     monkeypatch.setattr(style, "save", lambda figure, path: saved.append(figure))
     for time in ("p50_ms", "train_s"):
-        speed_figures.chart(tmp_path / "x.png", table, time)
+        speed_figures.chart(tmp_path / "x.png", table, time, "Glove")
     for figure in saved:
         names = {text.get_text() for text in figure.legends[0].get_texts()}
         assert {"CNN", "Decision tree", "Constant (mean)"} < names
@@ -175,24 +218,90 @@ def test_a_failed_model_is_at_the_top_and_an_error_of_zero_on_the_chart(workspac
             assert low < marks[style.GREY].get_ydata()[0] < 40 < high, "of zero there is no logarithm"
 
 
-def index_of(workspace, machines: dict[str, str]) -> None:
-    """Index and times of shards, SET-SEED-BUDGET -> machine, that trained a tree on bending."""
+def write_index(workspace, taken: dict, rows: pd.DataFrame) -> None:
+    """The evidence: (set, seed, budget) of a tree on bending -> machine, epochs, seconds; rows: of the first shard."""
     folder = shards.folder(workspace)
     folder.mkdir()
-    index = [
-        {"shard": shard, "experiment": "glove", "budget": shard.rsplit("-", 1)[1], "machine": machine}
-        for shard, machine in machines.items()
-    ]
-    run = {"model": "tree", "protocol": "session_strain", "epochs": 4, "train_s": 1}
-    times = [run | {"shard": shard, "seed": shard.split("-")[1]} for shard in machines]
+    index, times = [], []
+    for (of, seed, budget), (machine, epochs, seconds) in taken.items():
+        shard = f"{of}-{seed}-{budget}"
+        kept = shards.result_file(workspace, shard)
+        own = rows if of == "set" else pd.DataFrame([{"experiment": "glove", "model": "tree", "variant": of}])
+        write_table(kept, own.reindex(columns=COLUMNS), "nan")
+        rows = rows[:0]
+        line = {"shard": shard, "experiment": "glove", "seed": seed, "budget": budget, "machine": machine}
+        index.append(line | {"sha256": sha256(kept)})
+        run = {"shard": shard, "model": "tree", "protocol": "session_strain", "seed": seed}
+        times.append(run | {"epochs": epochs, "train_s": seconds})
     pd.DataFrame(index, columns=shards.INDEX).to_csv(folder / "index.csv", index=False)
     pd.DataFrame(times, columns=shards.TIMES).to_csv(folder / "times.csv", index=False)
+    each = {"experiment": "glove", "data": "some", "protocols": ["session_strain"], "seeds": 4, "minutes": 1}
+    (folder / "shards.yaml").write_text(json.dumps({"set": each, "longer": each | {"variant": "longer"}}))
 
 
-def test_training_times_of_the_evidence_are_of_one_machine_and_of_no_variant(workspace):
-    """Seconds of a core and of a card are no spread of one time; the machine that did the most trainings counts."""
-    index_of(workspace, {"set-0-full": "card", "set-1-full": "core", "set-2-full": "core", "longer-0-full": "core"})
-    results = SimpleNamespace(runs=lambda *where, budget: pd.Series({0: 0.5, 1: 20.0, 2: 21.0}))
-    report = SimpleNamespace(workspace=workspace, experiment="glove", results=results, _variants={"longer"})
-    assert Report.training_times(report, "session_strain", "tree", "full") == [20.0, 21.0]
-    assert Report.training_times(report, "session_strain", "tree", "half") == []
+def test_the_machine_of_the_times_is_that_of_most_full_trainings(workspace):
+    taken = {("set", 0, "full"): ("core, card", 4, 1.0), ("set", 1, "full"): ("core", 4, 9.0)}
+    taken |= {("set", seed, "half"): ("core, card", 2, 1.0) for seed in (0, 1, 2)}
+    write_index(workspace, taken, pd.DataFrame())
+    assert times.trainings(workspace, "glove", ["session_strain"]).machine == "core"  # as many: the processor's
+    shutil.rmtree(shards.folder(workspace))
+    write_index(workspace, taken | {("set", 2, "full"): ("core, card", 4, 1.0)}, pd.DataFrame())
+    found = times.trainings(workspace, "glove", ["session_strain"])
+    assert found.machine == "core, card"
+    assert found.seconds("session_strain", "tree", "full") == [1.0, 2.0, 2.0, 2.0, 1.0]
+    assert found.seconds("session_strain", "cnn", "full") == found.seconds("session_pressure", "tree", "full") == []
+    rows = shards.read(workspace)
+    assert rows["value"].tolist() == [1.0] * 5, "the one table, too, has the seconds of one machine"
+
+
+def test_times_of_predictions_are_those_that_the_index_tells_of(workspace):
+    path = shards.study_file(workspace, "glove", times.LATENCY, 0)
+    row = {"experiment": "glove", "model": "tree", "batch": 1, "threads": 1, "p50_ms": 0.5, "calls": 60}
+    write_table(path, pd.DataFrame([row], columns=times.COLUMNS))
+    with pytest.raises(InputError, match="latency-0.csv: not a file that .* tells of; run `tactile evidence latency_"):
+        times.predictions(workspace, "glove")
+    index = shards.folder(workspace) / "index.csv"
+    line = {"shard": "latency_glove-0-full", "sha256": sha256(path), "machine": "core"}
+    shards.upsert(index, shards.INDEX, "latency_glove-0-full", [line])
+    assert times.predictions(workspace, "glove")[["p50_ms", "machine"]].values.tolist() == [[0.5, "core"]]
+    assert len(times.predictions(workspace, "touch")) == 0
+    other = shards.study_file(workspace, "glove", times.LATENCY, 1)
+    write_table(other, pd.DataFrame([row | {"p50_ms": 0.7}], columns=times.COLUMNS))
+    line = {"shard": "latency_glove-1-full", "sha256": sha256(other), "machine": "other"}
+    shards.upsert(index, shards.INDEX, "latency_glove-1-full", [line])
+    with pytest.raises(InputError, match="times of 2 machines, which do not compare: core; other"):
+        times.predictions(workspace, "glove")
+
+
+def test_nothing_that_is_drawn_leaves_the_axes(measured, monkeypatch, tmp_path):
+    """Whiskers of time and small marks, too; and no panel is half empty."""
+    settings, report, latency = measured
+    table = speed_report.speed_table(report, settings, latency, PANELS, WRONG)
+    table["train_low_s"], table["train_high_s"] = table["train_s"] / 30, table["train_s"] * 30
+    table["half_train_s"], table["half_error"] = table["train_s"] / 50, table["error"] * 4
+    table["low"], table["high"] = table["error"] / 100, table["error"] * 1.2
+    saved = []
+    monkeypatch.setattr(style, "save", lambda figure, path: saved.append(figure))
+    speed_figures.chart(tmp_path / "x.png", table, "train_s", "Glove")
+    (figure,) = saved
+    assert figure.get_suptitle().startswith("Glove: error with 95 % interval over the seeds against training time")
+    for ax in figure.axes:
+        (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+        marks = [line for line in ax.lines if line.get_transform() == ax.transData]
+        marks = [line for line in marks if line.get_drawstyle() == "default"]  # the front goes on to the edges
+        x, y = np.concatenate([line.get_xydata() for line in marks]).T
+        assert left < x.min() < x.max() < right and bottom <= y.min() < y.max() < top
+        assert np.log(y.max() / y.min()) > 0.8 * np.log(top / bottom), "filled"
+
+
+def test_a_title_promises_no_interval_where_there_is_none(measured, monkeypatch, tmp_path):
+    settings, report, latency = measured
+    table = speed_report.speed_table(report, settings, latency, PANELS, WRONG)
+    table["low"] = table["high"] = np.nan
+    table["runs"], table["failed"] = 1, 0
+    saved = []
+    monkeypatch.setattr(style, "save", lambda figure, path: saved.append(figure))
+    speed_figures.chart(tmp_path / "x.png", table, "p50_ms", "Glove")
+    assert "interval" not in saved[0].get_suptitle() and "measured on core" in saved[0].get_suptitle()
+    assert [ax.get_title() for ax in saved[0].axes] == ["strain, 1 seed", "pressure, 1 seed"]
+    assert not any("failed" in text.get_text() for text in saved[0].legends[0].get_texts())

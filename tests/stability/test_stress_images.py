@@ -8,6 +8,7 @@ import pyarrow as pa
 import pytest
 from builders.project import ROOT, miniature_settings, run_stage
 
+from pipeline import models
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
@@ -18,6 +19,7 @@ from pipeline.scenes import glove_stress
 from pipeline.stability import images as stress_images
 from pipeline.stability import loop
 from pipeline.stages import dataset, evaluate, ingest, simulate, train
+from pipeline.tasks import images as tasks_images
 
 MODELS = {"constant": {}, "naive_bayes": {"smoothing": 1e-3}}
 
@@ -116,16 +118,69 @@ def test_lost_frames_come_from_the_same_recording(workspace, project):
     assert np.array_equal(shown["pressure"], shown["strain"])  # one scan
 
 
+def readings_of(workspace, values, data, part="train"):
+    """The readings of a run, as a training with faults knows them; part: that counts as the training part."""
+    data = data._replace(part=np.where(data.part == part, "train", "other"), x=data.x)
+    path = workspace.dataset("glove")
+    return tasks_images.readings(path, "glove", values["glove"], "session_combined", data)
+
+
+@pytest.mark.slow
+def test_a_training_with_faults_has_the_levels_and_the_images_of_the_stress_tests(workspace, project):
+    frames, data = read(workspace, project), images.read(workspace.dataset("glove"), "session_combined", 0)
+    levels = readings_of(workspace, project, data).levels
+    areas = [frames.areas[name] for name in stress_images.AREAS]
+    for name in ("rest", "wired"):
+        np.testing.assert_array_equal(getattr(levels, name), np.concatenate([getattr(area, name) for area in areas]))
+    for name in ("span", "lowest", "highest"):
+        each = [np.full(area.readings.shape[1], getattr(area, name)) for area in areas]
+        np.testing.assert_array_equal(getattr(levels, name), np.concatenate(each))
+    assert levels.whole.all() and not levels.low.any()
+    known = readings_of(workspace, project, data, "test")
+    for name, severity in (("dead", 40), ("gain_drift", 0.5), ("offset_drift", 0.05)):
+        changed = np.concatenate([perturbed(frames, area, name, severity, 3) for area in stress_images.AREAS], axis=1)
+        expected = stress_images.stressed("glove", project["glove"], frames, REGISTERED["images"][name], severity, 3)[
+            "combined"
+        ]
+        found = known.shown(changed.astype(np.float32))
+        assert np.array_equal(found, expected.reshape(found.shape)) and not np.array_equal(
+            found, known.shown(known.values)
+        )
+
+
+@pytest.mark.slow
+def test_images_of_other_frames_are_no_readings_to_train_on(workspace, project):
+    data = images.read(workspace.dataset("glove"), "session_combined", 0)
+    other = data._replace(x=data.x[::-1])
+    with pytest.raises(InputError, match="frames.parquet: its frames are not those of the images"):
+        readings_of(workspace, project, other)
+    with pytest.raises(InputError, match="run `python -m pipeline.stages.dataset glove` again"):
+        readings_of(workspace, project, data._replace(part=data.part[1:], x=data.x[1:]))
+
+
+@pytest.mark.slow
+def test_a_network_of_images_is_trained_with_faults_of_readings(workspace, project):
+    recipe = {"learning_rate": 1e-3, "batch_size": 16, "epochs": 1, "flip": 0.0, "noise": 0.0, "affine": 0.0}
+    faults = {"dead": 0.2, "gain": 0.2, "offset": 0.02}
+    losses = []
+    for further in ({}, {"faults": faults}):
+        block = {"training": recipe | further}
+        place = workspace.dataset("glove"), "glove", project["glove"], "session_combined", 0
+        fitted = tasks_images.fit(*place, lambda spec: models.build("sp_resnet_nogcam", spec, block, "x"), device="cpu")  # noqa: B023
+        losses.append(fitted.history[0]["train_loss"])
+    assert np.isfinite(losses).all() and losses[0] != losses[1]
+
+
 def test_the_recorded_hand_has_six_matrices_and_joints_without_lines():
-    assert stress_images.device(glove_recorded, "pressure") == (0, 4095, glove_recorded.MATRICES)
-    assert stress_images.device(glove_recorded, "strain") == (-180.0, 180.0, ())
-    assert stress_images.device(glove, "strain") == (0, 1023, ((15, 9),))
+    assert tasks_images.device(glove_recorded, "pressure") == (0, 4095, glove_recorded.MATRICES)
+    assert tasks_images.device(glove_recorded, "strain") == (-180.0, 180.0, ())
+    assert tasks_images.device(glove, "strain") == (0, 1023, ((15, 9),))
     pressure, joints = np.full((3, glove_recorded.CELLS), 100.0), np.full((3, glove_recorded.JOINTS), 10.0)
     areas = {
         name: stress_images.Area(own, np.full(own.shape[1], True), 10.0, np.zeros(own.shape[1]), *device)
         for (name, own), device in zip(
             {"pressure": pressure, "strain": joints}.items(),
-            [stress_images.device(glove_recorded, name) for name in stress_images.AREAS],
+            [tasks_images.device(glove_recorded, name) for name in stress_images.AREAS],
             strict=True,
         )
     }

@@ -1,70 +1,121 @@
-"""Agreement with the committed scores: every verdict can be had, and a failed run is no agreement."""
-
-import subprocess
+"""Agreement with the committed look: every verdict can be had, by the spread of the evidence, which hangs on no git."""
 
 import numpy as np
 import pandas as pd
 import pytest
+from builders.project import ROOT
 
-from pipeline.base import params
+from pipeline.base import files, params
+from pipeline.base.paths import Workspace
+from pipeline.scoring import shards
+from pipeline.scoring.claim_inputs import COLUMNS
 from pipeline.stages import agreement
 
 
-def scores(values=(), models=("linear", "cnn"), experiment="touch") -> pd.DataFrame:
+def scores(values=(), models=("linear", "cnn"), experiment="touch", metric="rmse", protocol="press") -> pd.DataFrame:
     """Two models, three seeds; `values`: (model, seed) -> value where it is not 10 + seed."""
     values = dict(values)
     rows = [
-        (experiment, "press", "single", model, "rmse", seed, values.get((model, seed), 10.0 + seed))
+        (experiment, protocol, "single", model, metric, seed, "kPa", values.get((model, seed), 10.0 + seed), 9)
         for model in models
         for seed in range(3)
     ]
-    return pd.DataFrame(rows, columns=[*agreement.KEY, "value"])
+    return pd.DataFrame(rows, columns=agreement.ROWS)
 
 
-def verdict(value: float, committed=()) -> str:
-    found = agreement.compare(scores(committed), scores({("cnn", 1): value}))
+def evidence(of: dict, **place) -> pd.DataFrame:
+    """Rows of shards of the CNN: budget -> values of its seeds."""
+    row = {"experiment": "touch", "protocol": "press", "condition": "single", "model": "cnn", "metric": "rmse"} | place
+    rows = [
+        row | {"budget": budget, "seed": seed, "value": value, "variant": place.get("variant")}
+        for budget, values in of.items()
+        for seed, value in enumerate(values)
+    ]
+    return pd.DataFrame(rows).reindex(columns=COLUMNS)
+
+
+SHARDS = {"full": (4.0, 5.0, 6.0), "half": (1.0, 5.0, 9.0)}  # of standard deviation 1, a fifth of the mean
+
+
+def verdict(value: float, committed=(), kept=None, **place) -> str:
+    spread = agreement.spreads(evidence(SHARDS) if kept is None else kept)
+    found = agreement.compare(scores(committed, **place), scores({("cnn", 1): value}, **place), spread)
     return found.set_index(["model", "seed"])["verdict"]["cnn", 1]
 
 
 def test_every_verdict_can_be_had():
     assert verdict(11.0) == "to the bit"
     assert verdict(11.0 + 1e-7) == "to six digits"
-    assert verdict(11.9) == verdict(10.1) == "within tolerance", "the standard deviation of the seeds"
-    assert verdict(12.1) == verdict(np.nan) == "beyond"
-    equal = {("cnn", k): 10.0 for k in range(3)}
-    assert verdict(10.19, equal) == "within tolerance" and verdict(10.21, equal) == "beyond", "two percent"
+    assert verdict(13.1) == verdict(8.9) == "within tolerance", "a fifth of the value, as the evidence's seeds differ"
+    assert verdict(13.3) == verdict(8.7) == verdict(np.nan) == "beyond"
     assert verdict(np.nan, {("cnn", 1): np.nan}) == "to the bit"
-    others = agreement.compare(scores(), scores(models=("cnn", "rnn")))["verdict"].value_counts()
-    assert others.to_dict() == {"to the bit": 3, "only here": 3, "only committed": 3}
+    others = agreement.compare(scores(), scores(models=("cnn", "rnn")), agreement.spreads(evidence(SHARDS)))
+    assert others["verdict"].value_counts().to_dict() == {"to the bit": 3, "only here": 3, "only committed": 3}
+
+
+def test_the_tolerance_is_the_spread_of_the_evidence():
+    nothing = evidence({"full": ()})
+    assert verdict(11.21, kept=nothing) == "within tolerance" and verdict(11.23, kept=nothing) == "beyond", "2 %"
+    half = evidence({"half": (4.0, 5.0, 6.0)})
+    assert verdict(13.1, kept=half) == "within tolerance", "half, where no more was run"
+    one = evidence({"full": (5.0,), "half": (4.0, 5.0, 6.0)})
+    assert verdict(13.1, kept=one) == "within tolerance" and verdict(13.3, kept=one) == "beyond", "one seed has none"
+    varied = evidence({"full": (1.0, 5.0, 9.0)}, variant="wider")
+    assert verdict(11.3, kept=varied) == "beyond", "a variant is another model"
+    shares = evidence({"full": (0.4, 0.5, 0.6)}, metric="accuracy")  # 0.1 is a tenth of no value, but of a share
+    place = {"metric": "accuracy", "committed": {("cnn", 1): 0.2}}
+    assert verdict(0.29, kept=shares, **place) == "within tolerance" and verdict(0.31, kept=shares, **place) == "beyond"
+    two = pd.concat([evidence(SHARDS), evidence({"full": (4.9, 5.0, 5.1)}, protocol="random_window")])
+    assert verdict(13.1, kept=two, protocol="other") == "within tolerance", "the largest of the other protocols"
+    assert verdict(11.3, kept=two, protocol="random_window") == "beyond", "but its own, where it has one"
 
 
 @pytest.fixture
-def project(workspace, tmp_path, monkeypatch):
-    """A checkout with scores of one experiment, not yet a repository of git."""
-    monkeypatch.setattr(params, "load", lambda _: {"experiments": ["touch"]})
-    monkeypatch.setattr("sys.argv", ["agreement"])
-    for path in (workspace.reports / "scores.csv", workspace.scores("touch")):
-        path.parent.mkdir(parents=True)
-        scores({("cnn", 0): 1 / 3, ("cnn", 1): np.nan}).to_csv(path, index=False, na_rep="nan")
-    return tmp_path
+def project(workspace, monkeypatch):
+    """A workspace with scores of two experiments, of which one did not run."""
+    monkeypatch.setattr(params, "load", lambda _: {"experiments": ["touch", "glove"]})
+    here = scores({("cnn", 0): 1 / 3, ("cnn", 1): np.nan})
+    for name, table in {"touch": here, "glove": here[:0]}.items():
+        files.write_table(workspace.scores(name), table, missing="nan")
+    return workspace
 
 
-def test_scores_are_compared_with_those_of_the_last_commit(workspace, project, monkeypatch, capsys):
-    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(project.parent))
+def run(monkeypatch, capsys, workspace, *given) -> str:
+    monkeypatch.setattr("sys.argv", ["agreement", *given])
     agreement.main(workspace)
-    assert (
-        "Not compared with the committed scores, HEAD:./reports/scores.csv of git: fatal: not a git repo"
-        in (workspace.reports / "agreement.md").read_text()
-    )
-    author = ["-c", "user.name=test", "-c", "user.email=test@example.org"]
-    for command in (["init", "-q"], ["add", "-f", "reports/scores.csv"], [*author, "commit", "-qm", "scores"]):
-        subprocess.run(["git", *command], cwd=project, check=True)
-    (workspace.reports / "scores.csv").unlink()
-    agreement.main(workspace)
-    assert capsys.readouterr().out.endswith("6 of 6 numbers agree: 6 to the bit.\n")
-    workspace.scores("touch").write_text(",".join([*agreement.KEY, "value"]) + "\n")
-    agreement.main(workspace)
-    assert capsys.readouterr().out.startswith("0 of 0 numbers agree: 0 to the bit. No scores here: touch (6) of 6 ")
-    monkeypatch.setenv("PATH", "")
-    agreement.main(workspace)
-    assert "there is no git" in capsys.readouterr().out
+    return capsys.readouterr().out
+
+
+def test_the_committed_look_is_written_by_a_call_of_its_own_alone(project, monkeypatch, capsys):
+    committed = project.root / agreement.COMMITTED
+    said = "there is no number in evidence/look.csv; `python -m pipeline.stages.agr"
+    assert said in run(monkeypatch, capsys, project) and not committed.exists()
+    committed.parent.mkdir(exist_ok=True)
+    committed.write_text(",".join(agreement.ROWS) + "\n")
+    assert said in run(monkeypatch, capsys, project), "nor has a table without a row one"
+    assert (project.look / "agreement.md").read_text().count("Not compared") == 1
+    run(monkeypatch, capsys, project, "accept")
+    assert run(monkeypatch, capsys, project) == "6 of 6 numbers agree: 6 to the bit.\n"
+    before = committed.read_text()
+    files.write_table(project.scores("touch"), scores({("cnn", 0): 1 / 3, ("cnn", 1): 5.0}), missing="nan")
+    assert run(monkeypatch, capsys, project) == "5 of 6 numbers agree: 5 to the bit, 1 beyond.\n"
+    assert committed.read_text() == before
+    line = next(line for line in (project.look / "agreement.md").read_text().splitlines() if "cnn" in line)
+    assert "nan" in line and "5" in line
+
+
+def test_scores_of_what_did_not_run_here_stay_committed(project, monkeypatch, capsys):
+    run(monkeypatch, capsys, project, "accept")
+    files.write_table(project.scores("touch"), scores()[:0])
+    files.write_table(project.scores("glove"), scores(experiment="glove"))
+    said = run(monkeypatch, capsys, project, "accept")
+    assert said == "evidence/look.csv: 6 numbers of this machine, 6 as they were\n"
+    said = run(monkeypatch, capsys, project)
+    assert said.startswith("6 of 6 numbers agree: 6 to the bit. No scores here: touch (6) of 12 committed numbers")
+
+
+def test_the_committed_look_is_of_every_experiment_and_agrees_with_itself():
+    committed = pd.read_csv(ROOT / agreement.COMMITTED, dtype={"condition": str})
+    assert set(committed["experiment"]) == set(params.load(ROOT / "params.yaml")["experiments"])
+    found = agreement.compare(committed, committed, agreement.spreads(shards.read(Workspace(ROOT))))
+    assert set(found["verdict"]) == {"to the bit"} and (found["tolerance"] > 0).mean() > 0.9

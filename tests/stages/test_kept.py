@@ -1,16 +1,16 @@
-"""On a machine without recordings, the committed results on them stay as they are."""
+"""On a machine without recordings: reports are those of the evidence, of the look there is none, twins stay."""
 
 import json
-import shutil
 
 import pandas as pd
 import pytest
 from builders.project import ROOT, run_stage
 
 from pipeline import experiments
-from pipeline.base import availability, params
+from pipeline.base import params
 from pipeline.reporting import studies
-from pipeline.stages import collect, evaluate, latency, render, render_study, stress
+from pipeline.scoring import shards, units
+from pipeline.stages import collect, evaluate, latency, render, stress
 
 RECORDED = ("velostat_recorded", "strain_recorded", "glove_recorded")
 REASON = "recordings not downloaded; run `tactile fetch`"
@@ -18,55 +18,46 @@ REASON = "recordings not downloaded; run `tactile fetch`"
 
 @pytest.fixture
 def clone(workspace, monkeypatch):
-    """A fresh clone's reports on recordings, and what the stages before write where recordings are absent."""
-    committed, reports = ROOT / "reports", workspace.reports
-    for name in ("scores.csv", "latency.csv", "stress.csv", "stability", *RECORDED):
-        copy = shutil.copytree if (committed / name).is_dir() else shutil.copy
-        reports.mkdir(exist_ok=True)
-        copy(committed / name, reports / name)
+    """A fresh clone, and what the stages before write where recordings are absent."""
     values = params.load(ROOT / "params.yaml") | {"experiments": list(RECORDED)}
     monkeypatch.setattr(params, "load", lambda _: values)
+    monkeypatch.setenv("WORKERS", "1")
+    (workspace.root / "evidence").symlink_to(ROOT / "evidence")
     for name in RECORDED:
         workspace.latency(name).parent.mkdir(parents=True)
         workspace.ingest_report(name).write_text(json.dumps({"run": False, "reason": REASON}))
         for path, module in ((workspace.latency, latency), (workspace.stress, stress)):
             path(name).write_text(",".join(module.COLUMNS) + "\n")
         run_stage(monkeypatch, workspace, evaluate, name)
-    return committed
+    return workspace
 
 
-def rows(path, name):
-    return [line for line in path.read_text().splitlines() if line.startswith(f"{name},")]
+def test_reports_on_recordings_are_made_of_the_evidence(clone, undrawn, monkeypatch):
+    run_stage(monkeypatch, clone, collect)
+    scores, times = (pd.read_csv(clone.reports / f"{name}.csv", low_memory=False) for name in ("scores", "latency"))
+    assert set(scores["experiment"]) == set(times["experiment"]) == set(RECORDED)
+    assert not scores["metric"].str.endswith(units.SUFFIX).any() and "look" not in set(scores["budget"])
+    kept = shards.read(clone)
+    kept = kept[kept["experiment"].isin(RECORDED) & ~kept["metric"].str.endswith(units.SUFFIX)]
+    assert len(scores) == len(kept) > 1000 and sorted(scores["value"]) == sorted(kept["value"]), "to the last digit"
+    run_stage(monkeypatch, clone, render, "velostat_recorded")
+    folder = clone.reports / "velostat_recorded"
+    assert "nothing to show" not in (folder / "accuracy" / "README.md").read_text()
+    assert len(pd.read_csv(folder / "speed" / "table2.csv")) > 5
 
 
-def test_committed_results_on_recordings_stay(workspace, clone, undrawn, monkeypatch, capsys):
-    run_stage(monkeypatch, workspace, collect)
+def test_of_the_look_there_is_nothing(clone, monkeypatch):
     for name in RECORDED:
-        run_stage(monkeypatch, workspace, render, name)
-    run_stage(monkeypatch, workspace, render_study, "stability")
+        assert (clone.predictions(name) / "not_run.txt").read_text() == REASON + "\n"  # DVC warns of an empty folder
+    run_stage(monkeypatch, clone, collect, "look")
+    run_stage(monkeypatch, clone, render, "all", "look")
+    for table in ("scores", "latency", "stress"):
+        assert (clone.look / f"{table}.csv").read_text().count("\n") == 1
     for name in RECORDED:
-        for table in ("scores.csv", "latency.csv", "stress.csv", "stability/failures.csv"):
-            kept = rows(workspace.reports / table, name)
-            assert kept == rows(clone / table, name) and kept, table
-        for path in (clone / name).rglob("*.*"):
-            assert (workspace.reports / path.relative_to(clone)).read_bytes() == path.read_bytes()
-        assert (
-            workspace.predictions(name) / "not_run.txt"
-        ).read_text() == REASON + "\n"  # DVC warns of an empty folder
-    assert "Recorded Velostat taxel: all recordings" in (workspace.reports / "stability" / "README.md").read_text()
-    said = capsys.readouterr().out
-    assert f"scores.csv: kept from the committed results: {', '.join(RECORDED)}; `tactile fetch` gets" in said
-
-
-def test_without_committed_results_an_experiment_is_not_run(workspace, clone, monkeypatch):
-    shutil.rmtree(workspace.reports)
-    run_stage(monkeypatch, workspace, collect)
-    run_stage(monkeypatch, workspace, render, "strain_recorded")
-    run_stage(monkeypatch, workspace, render_study, "stability")
-    assert (workspace.reports / "scores.csv").read_text().count("\n") == 1
-    for place in ("strain_recorded/accuracy", "strain_recorded/speed", "stability"):
-        assert ": not run\n\nRecordings not downloaded" in (workspace.reports / place / "README.md").read_text()
-    assert availability.why_not_shown(workspace, "strain_recorded") == REASON
+        for part in ("accuracy", "speed"):
+            text = (clone.look / name / part / "README.md").read_text()
+            assert ": nothing to show\n\nRecordings not downloaded" in text
+    assert [path.name for path in clone.reports.iterdir()] == ["look"]
 
 
 def test_the_recorded_side_of_a_comparison_stays(workspace, tmp_path):

@@ -102,6 +102,7 @@ def test_every_setting_of_recorded_data_is_read(workspace, experiment, stages, t
     MADE_ALL[experiment](tmp_path / "made")
     ignore_bookkeeping(monkeypatch.setattr)
     stages(experiment, tmp_path / "made", Noted(values, read), [latency, stress])
+    run_stage(monkeypatch, workspace, stress, experiment, "look")
     scores = pd.read_csv(workspace.scores(experiment))
     assert set(scores["protocol"]) == set(PROTOCOLS[experiment]) and np.isfinite(scores["value"]).any()
     own = {name for name in leaves(values) if name.startswith((f"{experiment}.", f"stress.{experiment}."))}
@@ -187,7 +188,7 @@ def test_predict_finds_the_real_recordings(experiment, recordings):
 def test_real_recordings_have_the_committed_scores(workspace, experiment, stages, recordings, tmp_path):
     folder, values = recordings(experiment), settings(experiment, MODEL[experiment])
     stages(experiment, folder, values)
-    committed = pd.read_csv(ROOT / "reports" / "scores.csv")
+    committed = pd.read_csv(ROOT / "evidence" / "look.csv")
     chosen = (committed["experiment"] == experiment) & (committed["model"] == MODEL[experiment])
     committed = committed[chosen & committed["protocol"].isin(PROTOCOLS[experiment])]
     both = committed.merge(

@@ -12,6 +12,7 @@ from torch import nn
 
 from pipeline import models
 from pipeline.base import params, paths
+from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import TorchRegressor, zero_linear
@@ -251,3 +252,22 @@ def test_a_training_of_series_reads_no_setting_that_its_origin_lacks(workspace, 
         "strain", params.load(ROOT / "params.yaml"), functools.partial(of_train_series, workspace), tmp_path
     )
     assert keys >= {"models", "window", "sensor"}
+
+
+@pytest.mark.parametrize(("experiment", "model"), [("touch", "cnn"), ("strain", "lstm_direct"), ("glove", "sp_resnet")])
+def test_a_training_with_faults_is_made_from_the_settings_of_readings_too(experiment, model, monkeypatch):
+    """A highest count, say, that no reading comes near changes no window, and what is a share of the range."""
+    monkeypatch.setattr(paths, "require", lambda path, made_by: path)
+    monkeypatch.setattr(train_stage.runs, "origin", lambda settings, inputs: (settings, [path.name for path in inputs]))
+
+    def origin(faults: bool, ingest: float):
+        values = params.load(ROOT / "params.yaml")
+        values[experiment]["ingest"]["max_reject_fraction"] = ingest
+        if faults:
+            training = values[experiment]["models"][model]["training"]
+            training["faults"] = {"dead": 0.1, "gain": 0.2, "offset": 0.02}
+        return train_stage._origin(Workspace(ROOT), values, experiment, model)
+
+    assert origin(False, 0.1) == origin(False, 0.2) and origin(True, 0.1) != origin(True, 0.2)
+    assert ("frames.parquet" in origin(True, 0.1)[1]) == (experiment == "glove")
+    assert "frames.parquet" not in origin(False, 0.1)[1]

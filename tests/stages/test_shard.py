@@ -5,13 +5,14 @@ import shutil
 import pandas as pd
 import pytest
 import yaml
+from builders import kept_scores
 from builders.project import ROOT, in_this_process, miniature_settings
 
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards, studies
+from pipeline.scoring import kept, shards, studies
 from pipeline.scoring.shards import Shard
 from pipeline.settings.shards import Variant
 from pipeline.stages import shard
@@ -35,9 +36,12 @@ def test_the_index_has_the_digest_of_every_shard_as_it_is_kept():
     for line in pd.read_csv(here / "index.csv").itertuples():
         each = SETS[line.shard.rsplit("-", 2)[0]]
         tables = LATENT if each.study == "latent" else [each.study]
-        kept = [shards.study_file(Workspace(ROOT), each.experiment, table, line.seed) for table in tables]
-        kept = kept if each.study else [here / "results" / f"{line.shard}.csv"]
-        assert shards.digest(kept) == line.sha256, line.shard
+        results = [shards.study_file(Workspace(ROOT), each.experiment, table, line.seed) for table in tables]
+        results = results if each.study else [here / "results" / f"{line.shard}.csv"]
+        assert shards.digest(results) == line.sha256, line.shard
+        assert shards.kept_sha256(Workspace(ROOT), line.shard) == (
+            "" if pd.isna(line.kept_sha256) else line.kept_sha256
+        )
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -115,6 +119,12 @@ def test_a_shard_says_what_it_is_of_and_comes_out_the_same(strain):
     (line,) = pd.read_csv(folder / "index.csv").to_dict("records")
     assert (line["shard"], line["experiment"], line["budget"]) == ("strain-0-half", "strain", "half")
     assert line["sha256"] == files.sha256(result) and line["core_s"] > 0 and line["machine"]
+    drawn = shards.kept_file(workspace, "strain-0-half")
+    assert line["kept_sha256"] == files.sha256(drawn) and drawn.stat().st_size < kept.LARGEST
+    found = kept_scores.of("strain", kept.read(drawn, "strain"))
+    both = found.merge(table.assign(budget=""), on=kept_scores.KEY, suffixes=("", "_of_row"))
+    assert len(both) == len(found) == 2 * len(set(table["model"]))  # tasks 1 and 2
+    assert both["value"].to_list() == pytest.approx(both["value_of_row"].to_list(), rel=1e-9)
     times = pd.read_csv(folder / "times.csv")
     assert (times["train_s"] >= 0).all() and set(times["model"]) == set(table["model"])
     assert not (workspace.root / "build" / "evidence" / "strain-0-half").exists()
@@ -216,6 +226,25 @@ def test_last_digits_of_another_machine_make_no_second_result_nor_does_a_set_tha
             line = dict.fromkeys(shards.INDEX, "") | {"shard": f"a-{seed}-full", "sha256": files.sha256(path)}
             shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, line["shard"], [line | {"seed": seed}])
         assert shards.read(workspace)["value"].tolist() == known  # two that differ are refused where they are used
+
+
+@pytest.mark.parametrize("budgets", [("half", "full"), ("half",)])
+def test_what_no_epochs_change_is_that_of_the_full_shard_of_a_seed(tmp_path, budgets):
+    """Another machine had other digits from the fifth on; where there is no such shard, half of it is what is known."""
+    workspace = Workspace(tmp_path)
+    for budget, linear in zip(budgets, (9.3526, 9.3563), strict=False):
+        rows = [
+            ("touch", "press", "single", "linear", "", "rmse", 0, "", "kPa", linear, 1),
+            ("touch", "press", "single", "cnn", "", "rmse", 0, budget, "kPa", 5.0, 1),
+        ]
+        path = shards.result_file(workspace, f"a-0-{budget}")
+        files.write_table(path, pd.DataFrame(rows, columns=shards.COLUMNS))
+        line = dict.fromkeys(shards.INDEX, "") | {"shard": f"a-0-{budget}", "sha256": files.sha256(path)}
+        line |= {"seed": 0, "budget": budget}
+        shards.upsert(shards.folder(workspace) / "index.csv", shards.INDEX, line["shard"], [line])
+    table = shards.read(workspace)
+    assert table[table["model"] == "linear"]["value"].tolist() == [9.3563 if "full" in budgets else 9.3526]
+    assert set(table[table["model"] == "cnn"]["budget"]) == set(budgets)
 
 
 @pytest.mark.slow

@@ -394,7 +394,7 @@ def write_shard(folder, name, experiment, tables, protocol="study", **line):
         shutil.copy(ROOT / "evidence" / table, path)
     _, seed, budget = name.rsplit("-", 2)
     line = {"shard": name, "experiment": experiment, "sha256": shards.digest(paths), "machine": "A card", **line}
-    line |= {"protocol": protocol, "seed": seed, "budget": budget, "core_s": 7}
+    line |= {"protocol": protocol, "seed": seed, "budget": budget, "core_s": 7, "kept_sha256": ""}
     shards.upsert(folder / "index.csv", shards.INDEX, name, [line])
 
 

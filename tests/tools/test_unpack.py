@@ -9,18 +9,21 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from builders.project import ROOT
 
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards
+from pipeline.scoring import kept, shards
 from tools import unpack
 
 SHARD, STUDY, VARIED = "strain-0-half", "input_frames_glove-0-full", "variants_glove-0-full"
 RESULT, CURVES, ROWS = f"results/{SHARD}.csv", f"curves/{SHARD}.csv", f"results/{VARIED}.csv"
 TABLE = "studies/glove/input_frames-0.csv"
+DRAWN, STRESS = f"kept/{SHARD}.parquet", f"stress/{SHARD}.csv"
 INDEXED = {RESULT: SHARD, TABLE: STUDY, ROWS: VARIED}
 OUTPUTS = {"@".join(name.split("-", 1)): [Path(file)] for file, name in INDEXED.items()}
 EVIL = "--upload-pack=touch pwned"
@@ -58,7 +61,7 @@ def checkout(tmp_path, monkeypatch) -> Workspace:
 
 @pytest.fixture
 def out(tmp_path) -> Path:
-    """Return a folder as run.py leaves it, of one shard, one study and one of variants."""
+    """Return a folder as run.py leaves it, of one shard, one study and one of variants; the shard keeps all it can."""
     folder = tmp_path / "out"
     for name in (*INDEXED, CURVES):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -67,13 +70,38 @@ def out(tmp_path) -> Path:
         rows = (ROOT / "evidence" / name).read_text().splitlines(keepends=True)
         mine = [row for row in rows[1:] if row.startswith(tuple(f"{name}," for name in INDEXED.values()))]
         (folder / name).write_text("".join([rows[0], *mine]))
+    (folder / "stress").mkdir()
+    row = {"experiment": "strain", "protocol": "task_1", "condition": "task_1", "model": "esn", "metric": "error"}
+    row |= {"seed": 0, "budget": "half", "unit": "mm", "value": 2.5, "n": 9, "perturbation": "noise", "severity": 0.1}
+    write(folder / STRESS, [dict.fromkeys(shards.STRESS, "") | row])
+    draw(folder)
     return folder
+
+
+def draw(folder: Path, **changed) -> None:
+    """Write what figures draw of the shard, one row, and note its digest; changed: column -> value."""
+    row = {"protocol": "task_1", "seed": 0, "model": "esn", "window": 7, "place_mm": [1.5]} | changed
+    schema = kept.none("strain").schema
+    schema = schema if set(row) <= set(schema.names) else None
+    (folder / "kept").mkdir(exist_ok=True)
+    pq.write_table(pa.Table.from_pylist([row], schema), folder / DRAWN)
+    index_kept(folder, SHARD)
+
+
+def index_kept(folder: Path, name: str) -> None:
+    """Note the digest of what a shard has in `kept` and `stress`."""
+    lines = list(csv.DictReader(io.StringIO((folder / "index.csv").read_text())))
+    there = [path for part in ("kept", "stress") for path in (folder / part).glob(f"{name}.*")]
+    for line in lines:
+        if line["shard"] == name:
+            line["kept_sha256"] = shards.digest(there) if there else ""
+    write(folder / "index.csv", lines)
 
 
 def test_a_folder_as_run_left_it_is_taken(checkout, out, capsys):
     unpack.main(checkout, argparse.Namespace(folder=out))
     assert "3 shards taken; 0 were there" in capsys.readouterr().out
-    for name in (*INDEXED, CURVES, "index.csv", "times.csv"):
+    for name in (*INDEXED, CURVES, DRAWN, STRESS, "index.csv", "times.csv"):
         assert (checkout.root / "evidence" / name).read_bytes() == (out / name).read_bytes(), name
 
 
@@ -152,6 +180,15 @@ def removed_column(file: str, column: str) -> Change:
     return change
 
 
+def kept_value(*given) -> Change:
+    """Return what puts a value into a table whose digest is then noted, see `value`."""
+    return lambda folder: (value(*given)(folder), index_kept(folder, SHARD))
+
+
+def kept_content(*given) -> Change:
+    return lambda folder: (content(*given)(folder), index_kept(folder, SHARD))
+
+
 HOSTILE: dict[str, Change] = {
     # names and paths
     "a shard above": value("index.csv", "shard", "../../pipeline/x"),
@@ -223,6 +260,25 @@ HOSTILE: dict[str, Change] = {
     "an empty index": content("index.csv", b""),
     "an index of another table": content("index.csv", b"a,b\n1,2\n"),
     "a quote without end": content("index.csv", b'shard,experiment\n"'),
+    # what figures draw, and scores of stress
+    "a kept file that is not indexed": value("index.csv", "kept_sha256", "", row=1),
+    "another digest of it": value("index.csv", "kept_sha256", "0" * 64, row=1),
+    "a digest of it that is none": value("index.csv", "kept_sha256", "x"),
+    "a missing kept file": lambda folder: (folder / DRAWN).unlink(),
+    "a changed stress": value(STRESS, "value", "0.001"),
+    "a kept model of nobody": lambda folder: draw(folder, model="lomp"),
+    "a kept protocol of nobody": lambda folder: draw(folder, protocol="task_9"),
+    "a kept seed of another": lambda folder: draw(folder, seed=1),
+    "a kept name that is none": lambda folder: draw(folder, condition="<script>"),
+    "another kept column": lambda folder: draw(folder, more=1),
+    "a kept file of text": kept_content(DRAWN, b"text"),
+    "a large kept file": kept_content(DRAWN, b"x" * (kept.LARGEST + 1)),
+    "a stress of nobody": kept_value(STRESS, "model", "lomp"),
+    "a stress of another budget": kept_value(STRESS, "budget", "full"),
+    "an endless stress": kept_value(STRESS, "value", "inf"),
+    "a severity in words": kept_value(STRESS, "severity", "much"),
+    "a linked kept file": link(DRAWN),
+    "a pipe for stress": fifo(STRESS),
     # what is no file
     "a linked index": link("index.csv"),
     "linked times": link("times.csv"),
@@ -267,4 +323,14 @@ def test_the_evidence_of_this_checkout_stands_its_own_checks(tmp_path, monkeypat
     for shard, line in found:
         if not sets[shard.set].study and shard.seed == 0:
             result = Path("results") / f"{shard.name}.csv"
-            unpack.check_files(workspace, folder, tmp_path, sets, shard, [result], line["sha256"])
+            unpack.check_files(workspace, folder, tmp_path, sets, shard, [result], line)
+
+
+def test_what_a_former_computation_kept_goes_with_it(checkout, out):
+    unpack.main(checkout, argparse.Namespace(folder=out))
+    for name in (DRAWN, STRESS):
+        (out / name).unlink()
+    index_kept(out, SHARD)
+    unpack.main(checkout, argparse.Namespace(folder=out))
+    assert not any((checkout.root / "evidence" / name).exists() for name in (DRAWN, STRESS))
+    assert not list(shards.checked(checkout, shards.kept_file))

@@ -7,14 +7,15 @@ from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.lines import Line2D
+import pandas as pd
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import MEASURED, model_style
 from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import results
+from pipeline.scoring.claim_inputs import HALF
 
-LOOKS = ((style.BLUE, "-"), (style.VERMILION, "--"), (style.BLACK, ":"))  # of groups of runs
+COLOURS = (style.BLUE, style.VERMILION, style.BLACK)  # of groups of runs
 GAP = 3.0  # median intervals; no line is drawn over a longer one
 LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
 MARGIN = 0.3  # of the range of true values, by which predicted ones may leave it in a cloud of points
@@ -25,41 +26,38 @@ def legend_below(figure: plt.Figure, handles: Mapping[str, Any], columns: int) -
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=max(1, min(columns, len(handles))))
 
 
-def learning_curves(path: Path, fits: Mapping[str, Mapping[str, Sequence[results.Fit]]], title: str, unit: str) -> None:
-    """Draw validation loss over the epochs, one panel per model, one line per seed, the kept epoch marked.
+def learning_curves(
+    path: Path, curves: pd.DataFrame, groups: Mapping[str, str], title: str, unit: str, epochs: Mapping[str, int]
+) -> None:
+    """Draw validation loss over the epochs, one panel per model, one line per training.
 
-    fits: model -> group of runs -> one fit per seed; models without epochs are left out. Where there is one group, its
-    training loss is drawn, too.
+    curves: as of `Report.curves`; groups: name -> protocol, each in a colour; of `half` budgets lines are dotted. Where
+    there is one group, its training loss is drawn, too. epochs: model -> those of its paper, marked where a training
+    has had as many.
     """
-    trained = {
-        model: of for model, of in fits.items() if any(len(run.history) > 1 for runs in of.values() for run in runs)
-    }
-    groups = list(dict.fromkeys(name for of in trained.values() for name in of))
-    columns = max(1, min(3, len(trained)))
-    figure, axes = style.panels(len(trained), columns, 3.7 * columns, 2.8, 0.8)
-    for ax, (model, by_group) in zip(axes.flat, trained.items(), strict=False):
-        for (colour, dashes), group in zip(LOOKS, groups, strict=False):
-            for run in by_group.get(group, ()):
-                epochs, loss = run.history["epoch"], run.history["validation_loss"]
-                if len(groups) == 1:
-                    ax.plot(epochs, run.history["train_loss"], color=style.GREY, linestyle=":", linewidth=1)
-                ax.plot(epochs, loss, color=colour, linestyle=dashes, linewidth=1.2)
-                kept = epochs == run.best_epoch
-                ax.plot(epochs[kept], loss[kept], "o", color=colour, markersize=4)
+    models, handles = list(dict.fromkeys(curves["model"])), {}
+    columns = max(1, min(3, len(models)))
+    figure, axes = style.panels(len(models), columns, 3.7 * columns, 2.8, 0.8)
+    for ax, model in zip(axes.flat, models, strict=False):
+        own = curves[curves["model"] == model]
+        for colour, (group, protocol) in zip(COLOURS, groups.items(), strict=False):
+            of_group = own[own["protocol"] == protocol]
+            for (budget, _), run in of_group.groupby(["budget", "seed"], sort=False):
+                name, look = (group, "-") if budget != HALF else (f"{group}, half of the epochs", ":")
+                drawn = {"color": colour, "linestyle": look, "linewidth": 1.1, "alpha": 0.7}
+                (handles[name],) = ax.plot(run["epoch"], run["validation_loss"], **drawn)
+                if len(groups) == 1 and budget != HALF:
+                    drawn = {"color": style.GREY, "linestyle": "--", "linewidth": 0.8}
+                    (handles["training loss"],) = ax.plot(run["epoch"], run["train_loss"], **drawn)
+        if epochs.get(model, np.inf) <= own["epoch"].max():
+            handles["epochs of the paper"] = ax.axvline(epochs[model], color=style.PURPLE, linewidth=1.5)
         ax.set(title=model_name(model), yscale="log", xlabel="Epoch")
         style.plain_log(ax.yaxis)
         ax.xaxis.get_major_locator().set_params(integer=True)
     for ax in axes[:, 0]:
         ax.set_ylabel(f"Loss ({unit})")
-    handles = {
-        name if len(groups) > 1 else "validation": Line2D([], [], color=colour, linestyle=dashes)
-        for name, (colour, dashes) in zip(groups, LOOKS, strict=False)
-    }
-    if len(groups) == 1:
-        handles["training"] = Line2D([], [], color=style.GREY, linestyle=":")
-    handles["epoch that was kept"] = Line2D([], [], color=style.BLACK, marker="o", linestyle="")
-    legend_below(figure, handles, 5)
-    figure.suptitle(title)
+    legend_below(figure, handles, 4)
+    figure.suptitle(style.literal(title))
     style.save(figure, path)
 
 
@@ -220,16 +218,16 @@ def agreement(path: Path, title: str, rows: Mapping[str, Sequence[Cloud]], unit:
 def maps(
     path: Path,
     title: str,
-    windows: Mapping[str, int],
+    windows: Sequence[str],
     counts: np.ndarray,
     truth: np.ndarray,
     predicted: Mapping[str, np.ndarray],
     sensor: Mapping,
 ) -> None:
-    """Draw reading, label and predicted maps below each other, one column per window, by name.
+    """Draw reading, label and predicted maps below each other, one column per window.
 
-    counts: (n, elements); truth and each of `predicted`, by model: (n, map_rows, map_cols) in kPa. Every column has the
-    colours of its label, up to its largest pressure, and the reading those of its largest count.
+    windows: their names; counts: (n, elements); truth and each of `predicted`, by model: (n, map_rows, map_cols), kPa.
+    Every column has the colours of its label, up to its largest pressure, and the reading those of its largest count.
     """
     extent = (0, sensor["cols"] * sensor["pitch_mm"], 0, sensor["rows"] * sensor["pitch_mm"])
     sources = {"Reading": counts.reshape(-1, sensor["rows"], sensor["cols"]), "Label": truth}
@@ -237,8 +235,7 @@ def maps(
     size = {"figsize": (2.2 * len(windows) + 1.2, 2.35 * len(sources) + 0.6)}
     figure, axes = plt.subplots(len(sources), len(windows), squeeze=False, sharex=True, sharey=True, **size)
     for row, (name, source) in zip(axes, sources.items(), strict=True):
-        for ax, (kind, window) in zip(row, windows.items(), strict=True):
-            label, values = truth[window], source[window].astype(float)
+        for ax, kind, values, label in zip(row, windows, source.astype(float), truth, strict=True):
             top = values.max() if name == "Reading" else label.max()
             share = values / max(top, np.finfo(float).tiny)
             image = ax.imshow(share, origin="lower", extent=extent, vmin=0, vmax=1, cmap="viridis")

@@ -1,5 +1,6 @@
 """Draw the charts of speed against accuracy from the table of pipeline/reporting/speed.py."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -11,51 +12,69 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocato
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import model_style
-from pipeline.reporting.words.labels import FRONTS, SPREAD, TIMES
+from pipeline.reporting.words.labels import FRONTS, MACHINES, SPREAD, TIMES
+from pipeline.scoring.times import one_machine
 
 TOP = 0.97  # height of a failed model's mark, share of the axis
+REACH = 1.7  # times an error: so much of its interval is shown; that of few seeds may reach over decades
+ROOM = 0.06  # beside what is drawn, share of an axis
 
 
-def chart(path: Path, table: pd.DataFrame, time: str) -> None:
+def chart(path: Path, table: pd.DataFrame, time: str, name: str) -> None:
     """Draw error against a measured time, one panel per panel of the table, the Pareto front joined.
 
-    table: see `speed.speed_table`; time: a key of `labels.FRONTS`. Both axes are logarithmic. A model on the front is
-    filled; one with a failed run is a cross of its colour at the top edge.
+    table: see `speed.speed_table`; time: a key of `labels.FRONTS`; name: of the experiment, for the title. Both axes
+    are logarithmic. A model on the front is filled; one with a failed run is a cross of its colour at the top edge. One
+    without a time is left out, and nothing is drawn where none has a time. Raises InputError where the times are of
+    more than one machine.
     """
+    table = table[table[time].notna() & (table["runs"] + table["failed"] > 0)]
+    machine = one_machine(table[MACHINES[time]], f"{name}, {TIMES[time]}")
     panels = list(dict.fromkeys(table["panel"]))
+    if not panels:
+        return
     columns = len(panels) if len(panels) < 4 else 2
-    figure, axes = style.panels(len(panels), columns, max(6.6, 4.4 * columns), 3.8, 1.6)
+    figure, axes = style.panels(len(panels), columns, max(6.6, 4.4 * columns), 3.8, 1.8)
     for ax, panel in zip(axes.flat, panels, strict=False):
         rows = table[table["panel"] == panel]
         first = rows.iloc[0]
         draw(ax, rows, time)
-        seeds = rows["runs"] + rows["failed"]
-        title = f"{panel}, seeds: {' to '.join(map(str, sorted({seeds.min(), seeds.max()})))}"
+        runs = rows["runs"] + rows["failed"]
+        said = " to ".join(map(str, sorted({runs.min(), runs.max()}))) + (" seed" if runs.max() == 1 else " seeds")
         if time == "train_s":
-            title += f", budget: {', '.join(dict.fromkeys(rows['budget']))}"
-        ax.set(title=title, xlabel=f"{TIMES[time]}, log scale")
+            said += f", budget: {', '.join(dict.fromkeys(rows['budget']))}"
+        ax.set(title=f"{panel}, {said}", xlabel=f"{TIMES[time]}, log scale")
         ax.set_ylabel(f"{first['measure']}, log scale")
     handles = [Line2D([], [], color=style.GREY, linewidth=1.2, label="Pareto front")]
-    handles.append(Line2D([], [], marker="x", linestyle="", color=style.BLACK, label="cross at the top: a run failed"))
+    if (table["failed"] > 0).any():
+        handles.append(
+            Line2D([], [], marker="x", linestyle="", color=style.BLACK, label="cross at the top: a run failed")
+        )
     if time == "train_s" and table["half_train_s"].notna().any():
         half = {"color": style.BLACK, "linewidth": 1.0, "marker": "o", "markersize": 4, "markerfacecolor": "white"}
         handles.append(Line2D([], [], **half, label="small: at half of the budget"))
     for look in map(model_style, dict.fromkeys(table["model"])):
         handles.append(Line2D([], [], marker=look.marker, linestyle="", color=look.color, label=look.label))
-    figure.suptitle("Error with 95 % interval against time; filled: on the Pareto front (lower left is better)")
+    with_interval = " with 95 % interval over the seeds" if np.isfinite(table["low"]).any() else ""
+    what = TIMES[time].partition(" (")[0].lower()
+    figure.suptitle(
+        f"{name}: error{with_interval} against {what}, measured on {machine}\n"
+        "filled: on the Pareto front (lower left is better)"
+    )
     figure.legend(handles=handles, loc="outside lower center", ncols=min(2 * columns + 1, 5))
     style.save(figure, path)
 
 
 def draw(ax: plt.Axes, rows: pd.DataFrame, time: str) -> None:
     """Draw one panel; an interval that leaves the axis ends in an arrowhead, and an error of 0 is at the lower edge."""
-    good, times = rows[rows["failed"] == 0], rows[time]
+    good = rows[rows["failed"] == 0]
     least = good["error"][good["error"] > 0].min() / 3 if (good["error"] > 0).any() else 0.1
     heights = good["error"].clip(lower=least)
-    bottom, top = (heights.min() / 1.7, 1.7 * heights.max()) if len(good) else (0.1, 1.0)
     half = rows[rows["half_error"].gt(0) & (rows["failed"] == 0)] if time == "train_s" else rows[:0]
-    top, shortest = max(top, 1.2 * half["half_error"].max()) if len(half) else top, min([*times, *half["half_train_s"]])
-    ax.set(xscale="log", yscale="log", ylim=(bottom, top), xlim=(shortest / 1.6, 1.6 * times.max()))
+    lows, highs = good["low"].clip(lower=heights / REACH), good["high"].clip(heights, heights * REACH)
+    bottom, top = ends([*heights, *lows, *highs, *half["half_error"]]) if len(good) else (0.1, 1.0)
+    across = ends([*rows[[time, *SPREAD[time]]].to_numpy().ravel(), *half["half_train_s"]])
+    ax.set(xscale="log", yscale="log", ylim=(bottom, top), xlim=across)
     style.plain_log(ax.xaxis)
     plain_errors(ax.yaxis)
     for row in rows.itertuples():
@@ -67,9 +86,9 @@ def draw(ax: plt.Axes, rows: pd.DataFrame, time: str) -> None:
         ax.plot([getattr(row, name) for name in SPREAD[time]], (height, height), color=look.color, linewidth=1.3)
         if np.isfinite(row.low):
             wanted = (max(row.low, least / 1e3), max(row.high, height))
-            ends = np.clip(wanted, bottom, top)
-            ax.plot((at, at), ends, color=look.color, linewidth=1.3, zorder=2)
-            for end, want, head in zip(ends, wanted, "v^", strict=True):
+            drawn = np.clip(wanted, bottom, top)
+            ax.plot((at, at), drawn, color=look.color, linewidth=1.3, zorder=2)
+            for end, want, head in zip(drawn, wanted, "v^", strict=True):
                 ax.plot(at, end, head if end != want else "_", color=look.color, clip_on=False, zorder=2)
         edge = style.BLACK if filled and look.marker != "x" else look.color
         face = look.color if filled else "white"
@@ -83,6 +102,13 @@ def draw(ax: plt.Axes, rows: pd.DataFrame, time: str) -> None:
         steps = heights[front.index]
         across = [front[time].iloc[0], *front[time], ax.get_xlim()[1]]
         ax.step(across, [top, *steps, steps.iloc[-1]], where="post", color=style.GREY, linewidth=1.2, zorder=1)
+
+
+def ends(values: Iterable[float]) -> tuple[float, float]:
+    """Return the limits of a logarithmic axis that show all values, and some room beside; NaN is none."""
+    known = [value for value in values if np.isfinite(value)]
+    room = max((max(known) / min(known)) ** ROOM, 1.05)
+    return min(known) / room, max(known) * room
 
 
 def plain_errors(axis: Axis) -> None:

@@ -14,7 +14,7 @@ DRIFT_S = 150.0
 def drifting(path: Path, title: str, time_s: np.ndarray, volts: np.ndarray) -> None:
     """Draw the strands' readings in the whole test part, and their means over DRIFT_S; time_s (T,), volts (T, n)."""
     minutes = (time_s - time_s[0]) / 60
-    block = ((time_s - time_s[0]) // DRIFT_S).astype(int)
+    _, block = np.unique((time_s - time_s[0]) // DRIFT_S, return_inverse=True)  # none is empty, whatever the gaps
     centre = np.bincount(block, minutes) / np.bincount(block)
     figure, axes = plt.subplots(volts.shape[1], 1, figsize=(9, 1.1 * volts.shape[1] + 1.2), sharex=True, squeeze=False)
     for k, (ax, reading) in enumerate(zip(axes[:, 0], 1e3 * (volts - volts.mean(axis=0)).T, strict=True)):

@@ -4,7 +4,7 @@ The answers stand in README.md, between two markers, and on the first screen of 
 of the findings are in content.yaml; a number that the evidence does not have yet is said to be missing.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +20,12 @@ from pipeline.experiments import facts
 from pipeline.reporting import claims as claim_text
 from pipeline.reporting import strain
 from pipeline.reporting.figures.ratios import Point
+from pipeline.reporting.page import origins
 from pipeline.reporting.tables import Table
 from pipeline.reporting.words import templates
 from pipeline.reporting.words.labels import capitalised, model_name
 from pipeline.reporting.words.markdown import interval, number
-from pipeline.scoring import published
+from pipeline.scoring import published, shown
 from pipeline.scoring.claim_inputs import LOOK
 from pipeline.scoring.one_table import Results
 from pipeline.scoring.results import LOG, SHARE, Estimate, estimate, scale_of
@@ -45,18 +46,37 @@ class Finding(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What is said of one paper; `heading`, `points`: of its panel of the chart; `counts` data -> verdict -> claims."""
+    """What is said of one paper.
+
+    origins: for each cell of `table` where its shards are listed, from reports/, empty for what is no number of ours;
+    heading, points: of its panel of the chart; counts: data -> verdict -> claims.
+    """
 
     paper: str
     title: str
     question: str
     basis: str
     table: Table
+    origins: list[list[str]]
     findings: list[Finding]
     heading: str
     points: dict[str, list[Point]]
     counts: list[tuple[str, list[tuple[str, int]]]]
     claims: int
+
+    def linked(self, link: Callable[[str, str], str]) -> Table:
+        """Return the table, our numbers in it as links to their shards; link: of text and an address in reports/."""
+        rows = [
+            [_first_linked(cell, at, link) if at else cell for cell, at in zip(row, places, strict=True)]
+            for row, places in zip(self.table.rows, self.origins, strict=True)
+        ]
+        return Table(self.table.header, rows)
+
+
+def _first_linked(cell: str, place: str, link: Callable[[str, str], str]) -> str:
+    """Return a cell in which the number is a link, and its interval is not."""
+    text, space, more = cell.partition(" ")
+    return link(text, place) + space + more
 
 
 class Absent(Exception):
@@ -89,7 +109,8 @@ def write_readme(workspace: Workspace, found: list[Answer]) -> None:
     _, end, after = rest.partition(MARKS[1])
     if not end:
         raise InputError(f"README.md: the line '{MARKS[1] if start else MARKS[0]}' is missing; put it back")
-    block = templates.render("answers", answers=found, chart=f"reports/{CHART}")
+    tables = [one.linked(lambda text, place: f"[{text}](reports/{place})") for one in found]
+    block = templates.render("answers", answers=zip(found, tables, strict=True), chart=f"reports/{CHART}")
     if (now := f"{before}{start}\n\n{block}\n{end}{after}") != text:
         files.write_text(path, now)
 
@@ -98,13 +119,14 @@ def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results:
     own = claims[claims["paper"] == paper.key].set_index("id")
     scores = _Scores(results, paper.simulated, values[paper.simulated])
     counted = claim_text.counted(own)
-    table, heading, points, basis = _beside(scores, asked, own)
+    table, places, heading, points, basis = _beside(scores, asked, own)
     return Answer(
         paper=paper.key,
         title=paper.title,
         question=asked["question"],
         basis=basis,
         table=table,
+        origins=places,
         findings=[_finding(scores, one, own) for one in asked["findings"]],
         heading=f"{paper.title}\n{heading}",
         points=points,
@@ -121,25 +143,20 @@ class _Scores:
 
     def __init__(self, results: Results, experiment: str, settings: Mapping):
         self.results, self.experiment, self.settings = results, experiment, settings
-        self.paper, self.metric, self.name, self.units = facts(experiment).paper
-        self.models = list(published.PRINTED[self.paper])
-        self.printed = lambda condition, model: published.number(self.paper, model, condition, self.name)
+        self.paper = facts(experiment).paper
+        self.metric, self.units = self.paper.metric, self.paper.times
+        self.models = list(published.PRINTED[self.paper.key])
 
-    def shown(self, protocol: str) -> str:
-        """Return the budget of the evidence on a protocol, empty where there is none."""
-        return (budget := self.results.shown(self.experiment, protocol)) != LOOK and budget or ""
+    def printed(self, condition: str, model: str) -> float:
+        """Return the number that the paper prints, NaN where there is none."""
+        return published.number(self.paper.key, model, condition, self.paper.printed)
 
     def runs(self, protocol: str, condition: str, model: str, metric: str = "", variant: str = "") -> pd.Series:
         """Return seed -> value. Raises Absent where the evidence has none."""
         runs = self.results.runs(self.experiment, protocol, condition, model, metric or self.metric, variant)
-        if not self.shown(protocol) or not len(runs):
+        if self.results.shown(self.experiment, protocol) == LOOK or not len(runs):
             raise Absent
         return runs * (100 if scale_of(metric or self.metric) == SHARE else 1)
-
-    def computed(self, protocol: str, condition: str) -> list[str]:
-        """Return the paper's models that the evidence has on a protocol."""
-        place = self.experiment, protocol, condition
-        return [at for at in self.models if self.shown(protocol) and len(self.results.runs(*place, at, self.metric))]
 
     def estimate(self, protocol: str, condition: str, model: str, metric: str = "", variant: str = "") -> Estimate:
         """Return mean and interval over the seeds. Raises Absent where the evidence has none."""
@@ -169,48 +186,58 @@ class _Scores:
     def drifting(self, model: str) -> str:
         """Return a model's rank correlation of strain.rank_correlations. Raises Absent where the evidence has none."""
         ranks = strain.rank_correlations(strain.errors_beyond(self.results, [model], self.settings))
-        if not self.shown("task_1") or model not in ranks:
+        if self.results.shown(self.experiment, "task_1") == LOOK or model not in ranks:
             raise Absent
         return interval(ranks[model])
 
 
-def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, str, dict[str, list[Point]], str]:
-    """Return a paper's table with ours beside it, heading and points of its chart, and what our numbers are of.
+def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, list, str, dict[str, list[Point]], str]:
+    """Return a paper's table with ours beside it, the origins of its cells, heading and points of its chart, its basis.
 
-    Ours are of the paper's split; where the evidence has more models on it, of the split that no recording crosses.
+    What stands there `shown.paper_table` says.
     """
+    paper, columns = scores.paper, shown.paper_table(scores.results, scores.experiment)
     header, cells = ["Model"], {model: [model_name(model)] for model in scores.models}
-    points: dict[str, list[Point]] = {title: [] for title in asked["conditions"].values()}
+    places = {model: [""] for model in scores.models}
+    points: dict[str, list[Point]] = {title: [] for title in paper.conditions.values()}
     error = (lambda value: 100 - value) if scores.units == 100 else (lambda value: value)
-    (own_split, first), *_ = asked["splits"].items()
-    seeds, said, judged, alone = set(), {}, True, []
-    for condition, title in asked["conditions"].items():
-        there = {at: scores.computed(at.format(condition=condition), condition) for at in asked["splits"]}
-        split = max(there, key=lambda at: len(there[at])) if any(there.values()) else ""
-        alone = there[own_split]
-        protocol, judged = split.format(condition=condition), split == own_split
+    own_split, first = next(iter(paper.splits.items()))
+    seeds, said, judged = set(), {}, True
+    for condition, split, computed, _ in columns:
+        title, judged = paper.conditions[condition], split == own_split
         header += [f"{title}: paper ({asked['unit']})", *["ours"][: bool(split)], *["verdict"][:judged]]
         if split:
-            said[asked["splits"][split]] = scores.shown(protocol)
+            budgets = {cell.budget for cell in computed.values() if cell.budget}
+            said.setdefault(paper.splits[split], set()).update(budgets)
         for model, row in cells.items():
             printed, place = scores.printed(condition, model), asked["claims"].format(condition=condition, model=model)
             row.append(number(printed))
-            run = (protocol, condition, model, "", asked.get("variants", {}).get(place, ""))
-            try:
+            places[model].append("")
+            if cell := computed.get(model):
+                run = (cell.protocol, condition, model, cell.metric, cell.variant)
                 ours, runs = scores.estimate(*run), scores.runs(*run)
                 seeds.add(len(runs))
                 row.append(interval(ours))
+                places[model].append(origins.place(scores.experiment, cell.protocol, cell.variant))
                 points[title].append(Point(model, error(printed), error(ours.mean), [*map(error, runs)]))
-            except Absent:
-                row += [NOT_COMPUTED] if split else []
-            row += [own["verdict"].get(asked.get("same", {}).get(place, place), "-")] if judged else []
+            elif split:
+                row.append(NOT_COMPUTED)
+                places[model].append("")
+            if judged:
+                row.append(own["verdict"].get(asked.get("same", {}).get(place, place), "-"))
+                places[model].append("")
     mean = "geometric mean" if scale_of(scores.metric) == LOG else "mean"
-    words = [f"{capitalised(scores.name)} in {asked['unit']}."]
-    words += [f"Ours: {split}, {_span(seeds)}, budget {at}, {mean} [95 % interval]." for split, at in said.items()]
+    words = [f"{capitalised(paper.printed)} in {asked['unit']}."]
+    words += [
+        f"Ours: {split}, {_span(seeds)}, budget {' and '.join(sorted(at)) or 'none'}, {mean} [95 % interval]."
+        for split, at in said.items()
+    ]
+    alone = columns[-1].own
     early = f"computed for {' and '.join(map(model_name, alone))} alone" if alone else NOT_COMPUTED
     words += [] if judged else [f"{capitalised(first)}: {early}, so no number here has a verdict."]
     heading = f"{', '.join(said)}\n{_span(seeds)}" if said else NOT_COMPUTED
-    return Table(header, list(cells.values())), heading, points, " ".join([*words, asked.get("note", "")]).strip()
+    basis = " ".join([*words, asked.get("note", "")]).strip()
+    return Table(header, list(cells.values())), list(places.values()), heading, points, basis
 
 
 def _span(counts: set[int]) -> str:

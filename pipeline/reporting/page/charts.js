@@ -85,7 +85,7 @@ function panels(data, state) {
     const points = [...drawn, ...failed.map((row) => ({ ...row, error: y[1], filled: false }))].sort((a, b) => a.time - b.time);
     const placed = names(points, (row) => toX(row.time), (row) => toY(row.error), width);
     return {
-      caption: `${panel}: ${data.axes[axis].toLowerCase()}`,
+      caption: `${panel}: ${data.axes[axis].toLowerCase()}${rows.length && rows[0].machine ? `, on ${rows[0].machine}` : ""}`,
       points: points.map((row) => ({ ...row, at: [toX(row.time), toY(row.error)] })),
       options: {
         ...frame, ...scales, ariaLabel: `${data.name}, ${panel}: ${scales.y.label} against ${data.axes[axis].toLowerCase()}, ${rows.length} models`,

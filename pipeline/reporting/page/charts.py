@@ -14,20 +14,27 @@ from matplotlib.markers import MarkerStyle
 
 from pipeline.reporting.figures.style import model_style
 from pipeline.reporting.speed import ESTIMATE
-from pipeline.reporting.words.labels import FRONTS, SPREAD, TIMES, model_name
+from pipeline.reporting.words.labels import FRONTS, MACHINES, SPREAD, TIMES, model_name
 from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.results import Estimate
+from pipeline.scoring.times import one_machine
 
 PLACE = ("panel", "protocol", "condition", "model", "measure")
 COSTS = ("batch", "p50_ms", "p95_ms", "large_batch", "predictions_per_s", "train_s", "params", "macs", "size_bytes")
-COLUMNS = (*PLACE, *ESTIMATE, *COSTS, *chain(*SPREAD.values()), *FRONTS.values())  # of table2.csv
+COLUMNS = (*PLACE, *ESTIMATE, *COSTS, *chain(*SPREAD.values()), *FRONTS.values(), *MACHINES.values())  # of table2.csv
 
 
 def data(table: pd.DataFrame, name: str) -> dict:
-    """Return what charts.js draws of a speed table: one chart per panel and measured time."""
+    """Return what charts.js draws of a speed table: one chart per panel and measured time, of models that have one.
+
+    Raises InputError where the times of a chart are of more than one machine.
+    """
     rows = []
     for time in TIMES:
-        for row in table.to_dict("records"):
+        timed = table[table[time].notna()]
+        for panel, of_panel in timed.groupby("panel"):
+            one_machine(of_panel[MACHINES[time]], f"{name}, {panel}, {TIMES[time]}")
+        for row in timed.to_dict("records"):
             error = {key: finite(row[key]) for key in ("error", "low", "high")}
             low, high = (finite(row[key]) for key in SPREAD[time])
             rows.append(
@@ -35,6 +42,7 @@ def data(table: pd.DataFrame, name: str) -> dict:
                 | error
                 | {"failed": int(row["failed"]), "time": finite(row[time]), "time_low": low, "time_high": high}
                 | {"front": int(row[FRONTS[time]]), "measure": row["measure"], "words": describe(row, time)}
+                | {"machine": row[MACHINES[time]]}
             )
     looks = {model: look(model) for model in dict.fromkeys(row["model"] for row in rows)}
     return {"name": name, "axes": TIMES, "rows": rows, "models": looks}
@@ -64,9 +72,14 @@ def describe(row: Mapping, time: str) -> str:
     """Return one row of the speed table as a list of its numbers."""
     error = interval(Estimate(*(row[key] for key in ESTIMATE)))
     on = "on the front" if row[FRONTS[time]] == 1 else "not on the front"
+    predicting = "predictions not timed"
+    if isfinite(row["p50_ms"]):
+        predicting = (
+            f"{row['p50_ms']:.3g} ms median and {row['p95_ms']:.3g} ms 95th percentile at batch {row['batch']:.0f}, "
+            f"{row['predictions_per_s']:,.0f} predictions per second at batch {row['large_batch']:.0f}"
+        )
+    training = f"training {number(row['train_s'])} s" if isfinite(row["train_s"]) else "training not timed"
     return (
-        f"{model_name(row['model'])}, {row['panel']}: {row['measure']} {error}; {row['p50_ms']:.3g} ms median and "
-        f"{row['p95_ms']:.3g} ms 95th percentile at batch {row['batch']}, {row['predictions_per_s']:,.0f} predictions "
-        f"per second at batch {row['large_batch']}; training {number(row['train_s'])} s; parameters "
+        f"{model_name(row['model'])}, {row['panel']}: {row['measure']} {error}; {predicting}; {training}; parameters "
         f"{size(row['params'])}; multiply-accumulates {size(row['macs'])}; file {size(row['size_bytes'])} bytes; {on}"
     )

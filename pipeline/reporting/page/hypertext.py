@@ -22,7 +22,7 @@ FOLDER = paths.CODE / "reporting" / "page"
 # Verdict -> a class of page.css, and a sign for those who do not see colours.
 SIGNS = dict.fromkeys(GOOD, ("yes", "✓")) | dict.fromkeys(BAD, ("no", "✗")) | {UNDECIDED: ("unclear", "?")}
 SIGNS |= {OUTSIDE: ("open", "–"), CALIBRATED: ("open", "=")}
-NUMBER = re.compile(r"[-+]?[\d.]+\b|-$|holds$|failed$")
+NUMBER = re.compile(r"(?:[<>] )?[-+]?[\d.]+\b|-$|failed$")
 
 
 class Figure(NamedTuple):

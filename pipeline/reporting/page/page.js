@@ -1,10 +1,10 @@
 "use strict";
 
-// A cell's value: the number that it starts with, else its words.
+// A cell's value: the number that it starts with, that of `> 16` too, else its words.
 function value(cell) {
   const text = cell.textContent.trim().replaceAll(",", "");
-  const number = text.match(/^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?/i);
-  return number ? Number(number[0]) : text.toLowerCase();
+  const number = text.match(/^(?:[<>] )?([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)/i);
+  return number ? Number(number[1]) : text.toLowerCase();
 }
 
 // Numbers in order, then words in order; what is empty, a dash or NaN stays last in both directions, and totals below.

@@ -7,25 +7,25 @@ commit: the pages are the same wherever the numbers are.
 
 import re
 from collections.abc import Container, Mapping
+from pathlib import Path
 
 import pandas as pd
 import yaml
 from markupsafe import Markup
 
-from pipeline.base import paths
-from pipeline.base.availability import has_report, why_not_run, why_not_shown
+from pipeline.base import files, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, stability
 from pipeline.claims.rules import BAND
 from pipeline.experiments import facts
 from pipeline.reporting.figures import ratios
-from pipeline.reporting.page import answers, charts, claims
+from pipeline.reporting.page import answers, charts, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
-from pipeline.reporting.studies import JOINED, stability_file
+from pipeline.reporting.stability import FINDINGS, by_test, stability_table
 from pipeline.reporting.tables import Table
-from pipeline.reporting.words.labels import condition_name, experiment_name, model_name, perturbation, plain
-from pipeline.scoring import one_table
+from pipeline.reporting.words.labels import condition_name, experiment_name, plain
+from pipeline.scoring import one_table, shards
 from pipeline.scoring.results import read_csv
 
 HEADING = "Soft tactile sensing, reproduced"
@@ -37,41 +37,48 @@ PACKAGES = ("torch", "numpy", "scipy", "scikit-learn", "pandas", "pyarrow", "mat
 # Folders of reports/ that the appendix shows, after those of experiments.
 CHAPTERS = {"stability": "Stability", "rightsize": "Model size", "physics": "Physics", "twins": "Scenes and recordings"}
 CHAPTERS |= {"material": "Recorded material", "benchmarks": "Benchmarks"}
+OF_OWN_LOGS = "its logs are your own, of which there is no evidence; their report is in reports/look"
+NOT_COMPUTED = "none of its shards is in the evidence; `tactile evidence` computes them"
 CAPTIONED = re.compile(r"^(?:- |!)\[[^\]]*\]\(([^)\s]+)\.png\):? *(.*)\n", re.MULTILINE)
 
 
 def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
-    """Return the pages, file name -> HTML, and write their chart and the answers in README.md; values: all settings.
+    """Return the pages, file name -> HTML; write their chart, shards.md and the answers in README.md.
+
+    values: all settings.
 
     index.html has answers, speed, stability, claims and provenance, appendix.html all further tables and figures.
     """
     content = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
     judged = claims.read(workspace)
-    papers = entries.papers(workspace)
-    of_papers = {name for paper in papers.values() for name in (paper.simulated, paper.recorded)}
-    asked = [name for name in values["experiments"] if name in of_papers or has_report(workspace, name)]
-    shown = {name: why_not_shown(workspace, name) for name in asked}
+    own = one_table.of_own_logs(values)
+    index = shards.table(shards.folder(workspace) / "index.csv", shards.INDEX)
+    computed = set(index[index["protocol"] != shards.STUDY]["experiment"])
+    there = {name for name in values["experiments"] if name in computed or speed_file(workspace, name).exists()}
+    reasons = {name: "" if name in there else NOT_COMPUTED for name in values["experiments"]}
+    shown = reasons | dict.fromkeys(own, OF_OWN_LOGS)
     data = {name: data_of(name, block) for name, block in values.items() if name in shown}
     speeds = {name: speed_table(workspace, name) for name, reason in shown.items() if not reason}
     failures = read_csv(workspace.reports / "stability" / "failures.csv", stability.FAILURES, "dvc repro")
-    results = one_table.results(workspace, one_table.of_own_logs(values))
+    said = read_csv(workspace.reports / "stability" / "findings.csv", FINDINGS, "dvc repro")
+    results = one_table.results(workspace, own)
     found = answers.answers(workspace, judged, results, content, values)
     ratios.chart(workspace.reports / answers.CHART, {one.heading: one.points for one in found}, BAND)
     answers.write_readme(workspace, found)
+    files.write_text(workspace.reports / origins.FILE, origins.document(workspace, results))
+    papers = entries.papers(workspace)
     simulated = {key: (paper.simulated, paper.title) for key, paper in papers.items() if paper.simulated in speeds}
-    titled = [
-        last_panel(speeds[name], title, content["answers"][paper]["conditions"])
-        for paper, (name, title) in simulated.items()
-    ]
+    titled = [last_panel(speeds[name], title, facts(name).paper.conditions) for name, title in simulated.values()]
     opening = fill(
         "answers",
         claims=len(claims.claim_text.counted(judged)),
         answers=found,
+        link=Markup('<a href="{1}">{0}</a>').format,
         chart=figure(workspace, answers.CHART, "Our errors over the published ones, one panel per paper"),
         verdicts=claims.VERDICTS,
         speed=charts.data(pd.concat(titled), "Speed against accuracy") if titled else {},
     )
-    first = [opening, stability_summary(workspace, failures), claims.section(workspace, judged)]
+    first = [opening, stability_summary(failures, said), claims.section(workspace, judged)]
     contents = [(key, name, []) for key, name in CONTENTS.items()]
     index = fill("page", heading=HEADING, contents=contents, body=[*first, provenance(workspace, data)])
     body, contents = [], [("index.html", "Answers", [])]
@@ -92,9 +99,14 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     return pages
 
 
+def speed_file(workspace: Workspace, experiment: str) -> Path:
+    """Return the file of the speed table of an experiment."""
+    return workspace.reports / experiment / "speed" / "table2.csv"
+
+
 def speed_table(workspace: Workspace, experiment: str) -> pd.DataFrame:
     """Read the speed table of an experiment."""
-    path = workspace.reports / experiment / "speed" / "table2.csv"
+    path = speed_file(workspace, experiment)
     return read_csv(path, charts.COLUMNS, f"python -m pipeline.stages.render {experiment}")
 
 
@@ -131,35 +143,38 @@ def documents(workspace: Workspace, name: str, level: int) -> dict:
 
 
 def data_of(experiment: str, settings: Mapping) -> str:
-    """Say where an experiment's numbers come from, and how often the look draws them."""
+    """Say where an experiment's numbers come from."""
     source = settings.get("source")
     if source is None:
         where = facts(experiment).source
         data = f"recorded, {where.repository} at commit {where.commit[:12]}, licence: {where.licence}"
     else:
         data = f"simulated by pipeline/scenes/{experiment}.py" if source == "simulated" else f"your own logs, {source}"
-    seeds = "; ".join(f"{plain(name)} {len(block['seeds'])}" for name, block in settings["protocols"].items())
-    return f"Data: {data}. Models: {len(settings['models'])}. Seeds of each split in the look: {seeds}."
+    return f"Data: {data}. Models: {len(settings['models'])}."
 
 
-def stability_summary(workspace: Workspace, failures: pd.DataFrame) -> Markup:
-    """Return the section: of each experiment one heat map, of its last condition, and what it shows."""
+def stability_summary(failures: pd.DataFrame, said: pd.DataFrame) -> Markup:
+    """Return the section: of each experiment the sentences on its first tested condition, and its table.
+
+    failures, said: failures.csv and findings.csv of reports/stability.
+    """
     shown = []
-    for name, own in failures.groupby("experiment", sort=False):
-        ranked = {place: stability.ranking(rows) for place, rows in own.groupby(["protocol", "condition"], sort=False)}
-        places = [place for place, order in ranked.items() if len(order) and place[1] not in JOINED]
-        if not places:
+    for name in said["experiment"].unique():
+        place = protocol, condition = facts(name).first_tested
+        here, rows = ((each["experiment"] == name) & _at(each, *place) for each in (said, failures))
+        if not here.any():
             continue
-        protocol, condition = places[-1]
-        rows = own[(own["protocol"] == protocol) & (own["condition"] == condition)]
+        sentences = [each for each in said[here].iloc[0][FINDINGS[3:]] if isinstance(each, str) and each]
         title = f"{experiment_name(name)}: {condition_name(name, protocol, condition)}"
-        source = f"stability/{stability_file(name, protocol, condition)}_heat_map.png"
-        order, means = ranked[protocol, condition], rows.groupby("perturbation", sort=False)["relative"].mean()
-        words = {"best": model_name(order.index[0]), "least": order.iloc[0], "worst": model_name(order.index[-1])}
-        words |= {"most": order.iloc[-1], "hardest": perturbation(means.idxmax())[0], "tests": len(rows)}
-        words |= {"holds": sum(rows["verdict"] == stability.HOLDS), "useless": sum(rows["worse"])}
-        shown.append(words | {"title": title, "figure": figure(workspace, source, f"{title}, relative error")})
+        known = failures[rows]["largest"].notna().any()
+        table = by_test(stability_table(failures[rows])) if known else None
+        shown.append({"title": title, "sentences": sentences, "table": table})
     return fill("stability", parts=shown)
+
+
+def _at(table: pd.DataFrame, protocol: str, condition: str) -> pd.Series:
+    """Return which rows are of this protocol and condition, (n,) bool."""
+    return (table["protocol"] == protocol) & (table["condition"] == condition)
 
 
 def versions(workspace: Workspace) -> Table:
@@ -174,18 +189,17 @@ def versions(workspace: Workspace) -> Table:
 
 def provenance(workspace: Workspace, data: Mapping[str, str]) -> Markup:
     """Return the section: scale, data, seeds, versions, counts, and the files behind the page; data: by experiment."""
-    scores = read_csv(workspace.reports / "scores.csv", ["experiment", "protocol", "condition", "n"], "dvc repro")
+    columns = ["experiment", "condition", "metric", "n"]
+    scores = read_csv(workspace.reports / "scores.csv", columns, "python -m pipeline.stages.collect")
     rows = []
     for experiment, said in data.items():
-        tested = scores[scores["experiment"] == experiment].groupby("condition", sort=False)["n"].max()
-        items = ", ".join(f"{plain(condition)}: {n:,}" for condition, n in tested.items()) or "-"
-        reason = why_not_run(workspace, experiment)
-        run = f"no: {reason}" if reason else "yes"
-        run += "; its results are the committed ones" if reason and has_report(workspace, experiment) else ""
-        rows.append([experiment_name(experiment), said, run, items])
+        own = scores[(scores["experiment"] == experiment) & (scores["metric"] == facts(experiment).metric)]
+        tested = own.groupby("condition", sort=False)["n"].max()
+        items = ", ".join(f"{plain(condition)}: {n:,.0f}" for condition, n in tested.items()) or "-"
+        rows.append([experiment_name(experiment), said, items])
     return fill(
         "provenance",
-        data=Table(["Experiment", "Data and seeds", "Run", "Most items tested"], rows),
+        data=Table(["Experiment", "Data", "Most items tested"], rows),
         versions=versions(workspace),
         files=NUMBERS,
     )

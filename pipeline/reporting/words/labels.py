@@ -5,6 +5,7 @@ from pipeline.settings.stress import TESTS
 
 FRONTS = {"p50_ms": "speed_front", "train_s": "training_front"}  # measured time -> the column of its Pareto front
 TIMES = {"p50_ms": "Median time of a prediction (ms)", "train_s": "Training time (s)"}  # -> its axis
+MACHINES = {"p50_ms": "machine", "train_s": "training_machine"}  # -> the column of what it was measured on
 SPREAD = {"p50_ms": ["p50_low_ms", "p50_high_ms"], "train_s": ["train_low_s", "train_high_s"]}  # -> its least and most
 LABELS = {
     "constant": "Constant (mean)",

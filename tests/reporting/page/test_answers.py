@@ -3,14 +3,15 @@
 import pandas as pd
 import pytest
 import yaml
+from builders import made_evidence
 from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.reporting.page import answers, claims
+from pipeline.reporting.page import answers, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER
-from pipeline.scoring import one_table
+from pipeline.scoring import one_table, shown
 from pipeline.scoring.claim_inputs import COLUMNS, FULL, LOOK
 
 CONTENT = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
@@ -95,6 +96,50 @@ def test_readme_says_what_the_committed_reports_give(reported):
     answers.write_readme(reported, found)
     assert (reported.root / "README.md").read_text(encoding="utf-8") == text, "run `python -m pipeline.stages.page`"
     assert len(found) == 3 and len(text.splitlines()) <= 140
+    listed = (ROOT / "reports" / origins.FILE).read_text(encoding="utf-8")
+    assert listed == origins.document(workspace, results), "run `python -m pipeline.stages.page`"
+
+
+def test_our_numbers_are_links_to_the_shards_that_they_are_of(workspace):
+    """A list of shards has a heading for every link, and names the files of these shards and no others."""
+    sets = {"data": "all", "seeds": 2, "minutes": 1}
+    frames = {"experiment": "glove", "protocols": ["random_frames_combined"], **sets}
+    made_evidence.write_sets(workspace, {"one": frames, "two": frames | {"variant": "epochs_50"}})
+    place = "glove", "random_frames_combined", "combined"
+    for seed in (0, 1):
+        rows = made_evidence.scores(*place, {"resnet18": 0.9, "sp_resnet": 0.8}, seed)
+        made_evidence.keep(workspace, f"one-{seed}-full", rows, f"{seed}23456789abcdef", f"machine {seed}")
+        rows = made_evidence.scores(*place, {"sp_resnet": 0.95}, seed, variant="epochs_50")
+        made_evidence.keep(workspace, f"two-{seed}-full", rows)
+    (workspace.reports / "glove").mkdir(parents=True)
+    results = shown.evidence(workspace)
+    (glove,) = answers.answers(workspace, judged(), results, CONTENT, VALUES)
+    linked = glove.linked(lambda text, at: f"<{text} {at}>")
+    rows = {row[0]: row for row in linked.rows}
+    assert rows["ResNet-18"][3:5] == ["96.02", "<90.00 shards.md#glove-random_frames_combined>"]
+    assert rows["SP-ResNet"][4] == "<95.00 shards.md#glove-random_frames_combined-epochs_50>"
+    assert not any("<" in cell for name in ("Naive Bayes", "MobileNet") for cell in rows[name])
+    assert all("<" not in cell for row in glove.table.rows for cell in row), "the page's chart has none"
+    text = origins.document(workspace, results)
+    _, main, long = text.split("\n### ")
+    assert main.startswith("glove random_frames_combined\n") and long.startswith(
+        "glove random_frames_combined epochs_50\n"
+    )
+    assert all(f"[{seed}](../evidence/results/one-{seed}-full.csv)" in main for seed in (0, 1)) and "two-" not in main
+    assert "machine 0 or machine 1; commit 023456789abc, 123456789abc; 120 core-seconds" in main
+    assert "**two, full**: SP-ResNet; seeds" in long and "one-" not in long and "; commit c0ffee;" in long
+
+
+@pytest.mark.parametrize(
+    ("protocol", "variant", "wanted"),
+    [
+        ("press", "", "shards.md#touch-press"),
+        ("press", "width_0.25", "shards.md#touch-press-width_025"),
+        ("session_combined", "augmentation_A", "shards.md#touch-session_combined-augmentation_a"),
+    ],
+)
+def test_a_heading_is_addressed_as_code_hosts_do(protocol, variant, wanted):
+    assert origins.place("touch", protocol, variant) == wanted
 
 
 def test_readme_needs_its_markers(reported):

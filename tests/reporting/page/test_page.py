@@ -9,6 +9,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import axe_core_python
+import numpy as np
 import pandas as pd
 import pytest
 from builders.project import ROOT
@@ -16,15 +17,13 @@ from PIL import Image
 
 from pipeline.base import params
 from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.claims import entries, rules
+from pipeline.claims import rules
 from pipeline.claims.stability import FAILURES
 from pipeline.reporting.page import hypertext, sections
+from pipeline.scoring import one_table
 from pipeline.stages import page
 
 ABSENT = "glove_recorded"
-PAPERS = entries.papers(Workspace(ROOT)).values()
-OF_PAPERS = {name for paper in PAPERS for name in (paper.simulated, paper.recorded)}
 AXE = Path(axe_core_python.__file__).with_name("axe.min.js")
 EVIL = '<script>alert("x")</script> & <b>'
 CLAIMS = [  # id, claim, paper, data, published, ours, low, high, verdict, reason, kind, unit
@@ -66,6 +65,7 @@ def speed_rows() -> pd.DataFrame:
             row |= {"p50_low_ms": 0.009 * 8**place, "p50_high_ms": 0.011 * 8**place}
             row |= {"train_low_s": 0.09 * 30**place, "train_high_s": 0.11 * 30**place}
             row |= {"p50_ms": 0.01 * 8**place, "p95_ms": 0.02 * 8**place, "predictions_per_s": 1e6 / 8**place}
+            row |= {"machine": "core", "training_machine": "core"}
             row |= {"train_s": 0.1 * 30**place, "params": 10**place, "macs": 10.0**place, "size_bytes": 600}
             rows.append(row | {"speed_front": int(model != "linear"), "training_front": int(model != "linear")})
     return pd.DataFrame(rows)
@@ -86,14 +86,13 @@ def rows(columns: list[str], **values) -> pd.DataFrame:
 
 @pytest.fixture
 def reports(workspace, monkeypatch) -> Path:
-    """A small reports/ of all experiments, one of them not run."""
+    """A small reports/ of all experiments, one of them of own logs."""
+    monkeypatch.setattr(one_table, "of_own_logs", lambda values: [ABSENT])
     shutil.copy(ROOT / "constraints.txt", workspace.root)
     folder = workspace.reports
     for name in params.load(ROOT / "params.yaml")["experiments"]:
         workspace.experiment_folder(name).mkdir(parents=True)
-        report = {"run": name != ABSENT, "reason": f"no recordings of {name}"}
-        workspace.ingest_report(name).write_text(json.dumps(report))
-        if name != ABSENT and name in OF_PAPERS:
+        if name != ABSENT:
             for part in ("accuracy", "speed"):
                 (folder / name / part).mkdir(parents=True)
             speed_rows().to_csv(folder / name / "speed" / "table2.csv", index=False)
@@ -104,15 +103,17 @@ def reports(workspace, monkeypatch) -> Path:
                 png(folder / name / "accuracy" / file)
     for name in ("stability", "physics", "benchmarks"):
         (folder / name).mkdir()
-    png(folder / "stability" / "touch_press_single_heat_map.png")
-    stress = rows(
-        FAILURES, experiment="touch", protocol="press", condition="single", perturbation="noise", model="lomp"
-    )
-    harder = stress.assign(perturbation="dead", relative=0.7, verdict="worse than constant", fails_at=0.2)
-    table = pd.concat([stress.assign(relative=0.5, verdict="holds"), harder])
-    table.to_csv(folder / "stability" / "failures.csv", index=False)
-    for name in ("stability", "physics"):
-        (folder / name / "README.md").write_text(f"# {name}\n\n![touch](touch_press_single_heat_map.png)\n")
+    png(folder / "stability" / "touch_press_double.png")
+    place = {"experiment": "touch", "protocol": "press", "condition": "double"}
+    lost = rows(FAILURES, **place, perturbation="noise", model="lomp", direction="up", half_at=0.25, half_low=0.2)
+    lost = lost.assign(unit="share of the range", half_high=np.inf, largest=0.3, clean=8.7)
+    kept = lost.assign(perturbation="dead", half_at=np.nan, half_low=np.nan, half_high=np.nan, unit="number", largest=6)
+    pd.concat([lost, kept]).to_csv(folder / "stability" / "failures.csv", index=False)
+    said = {"breaks": "Noise breaks first.", "holds": "Dead elements break nothing.", "take": "Take LoMP."}
+    other = place | {"condition": "single", "breaks": "Of another condition.", "holds": "", "take": ""}
+    pd.DataFrame([place | said, other]).to_csv(folder / "stability" / "findings.csv", index=False)
+    (folder / "stability" / "README.md").write_text("# stability\n\n![touch](touch_press_double.png)\n")
+    (folder / "physics" / "README.md").write_text("# physics\n\n![touch](touch_press_single_heat_map.png)\n")
     png(folder / "physics" / "touch_press_single_heat_map.png")
     (folder / "benchmarks" / "README.md").write_text(
         f"# Longer\n\n{EVIL}\n\n[all](touch.csv)\n\n| a | b |\n| - | -: |\n| LoMP | 1 |\n"
@@ -120,7 +121,6 @@ def reports(workspace, monkeypatch) -> Path:
     for name in ("latency", "stress", "rightsize", "physics", "twins"):
         (folder / f"{name}.csv").touch()
     (folder / "benchmarks" / "touch.csv").touch()
-    (folder / "latency.csv").write_text("experiment,model,batch,p50_ms\n")
     scores = [("touch", "press", "single", "lomp", seed, "rmse", "kPa", 4 + seed, 1234) for seed in (0, 2)]
     names = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
     pd.DataFrame(scores, columns=names).to_csv(folder / "scores.csv", index=False)
@@ -200,8 +200,13 @@ def test_the_pages_say_what_the_tables_say(workspace, reports):
     )
     assert "RMSE (kPa) 6.00 [5.50, 6.50]; 0.64 ms median" in single["words"]
     stability = html.split('<section id="stability">')[1].split("</section>")[0]
-    assert "LoMP has the smallest error" in stability and "0.60 of the constant model" in stability
-    assert "Of 2 tests, models stay usable to the last severity in 1" in " ".join(stability.split())
+    assert "Noise breaks first. Dead elements break nothing. Take LoMP." in stability
+    assert "Of another condition" not in stability
+    cells = [re.sub("<[^>]*>", "", cell) for cell in re.findall("<t[hd].*?</t[hd]>", stability)]
+    assert cells == [
+        *("Test", "LoMP", "Clean (kPa)", "8.70", "Noise (share of the range)", "0.25 [0.2,\u00a0&gt; 0.3]"),
+        *("Dead elements (number)", "&gt; 6"),
+    ]
     assert 'aria-label="simulated: 1 reproduced, 0 matches, 0 near, 0 contradicted, 1 off, 0 undecided"' in html
     row = re.search('<tr[^>]* id="claim-lomp-rmse".*?</tr>', html, re.DOTALL)[0]
     cells = [re.sub("<[^>]*>", "|", cell) for cell in re.findall("<td[^>]*>(.*?)</td>", row, re.DOTALL)]
@@ -215,19 +220,26 @@ def test_the_pages_say_what_the_tables_say(workspace, reports):
         built(workspace)
 
 
-def test_what_is_missing_is_said(workspace, reports):
+def test_what_is_missing_is_said(workspace, reports, monkeypatch):
     section = built(workspace)["appendix.html"].split(f'<section id="{ABSENT}">')[1].split("</section>")[0]
-    assert f"no recordings of {ABSENT}" in section and "charts" not in section
+    assert "its logs are your own" in section and "charts" not in section
     for link in ("more.md", "../appendix.html#nowhere"):
         text = f"# Longer\n\n[More]({link})\n"
         (reports / "benchmarks" / "README.md").write_text(text)
         with pytest.raises(InputError, match="benchmarks/more.md|appendix.html#nowhere"):
             built(workspace)
+    (reports / "benchmarks" / "README.md").write_text("# Longer\n")
+    shutil.rmtree(reports / "touch" / "speed")
+    section = built(workspace)["appendix.html"].split('<section id="touch">')[1].split("</section>")[0]
+    assert "none of its shards is in the evidence" in section, "not computed, and said so"
+    monkeypatch.setattr(
+        sections.shards, "table", lambda *given: pd.DataFrame({"experiment": ["touch"], "protocol": "press"})
+    )
+    with pytest.raises(InputError, match="touch/speed/table2.csv"):  # computed, and not rendered
+        built(workspace)
+    monkeypatch.undo()
     (workspace.root / "constraints.txt").write_text("torch==1\n")
     with pytest.raises(InputError, match="numpy"):
-        built(workspace)
-    shutil.rmtree(reports / "touch" / "speed")
-    with pytest.raises(InputError, match="touch/speed/table2.csv"):
         built(workspace)
 
 
