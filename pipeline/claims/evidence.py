@@ -34,7 +34,7 @@ class Evidence:
         if failed := int((~np.isfinite(values)).sum()):
             raise Open(f"{failed} of {len(values)} runs failed: {model} ({name}, {result.condition})")
         self.trained |= bool(budget)
-        draws = pd.Series() if result.variant else self.results.draws(*where[:5], self.budget)  # of recordings
+        draws = self.results.draws(where[0], [name], *where[2:], self.budget)  # of recordings
         if draws.empty:
             return values
         self.trainings = max(self.trainings, len(values))

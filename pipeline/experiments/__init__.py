@@ -20,8 +20,9 @@ of sensors that people record themselves, which have `FACTS.log`:
 and, by kind:
 
 * windows: `labels(windows, settings)` -> pressure maps (n, map_rows * map_cols); `SCORES`, the name of the function in
-  pipeline/scoring/metrics.py that scores them; `STRESSED`, the conditions that stress tests report; where these are
-  not those of the recordings, `conditions(windows)` -> (n,) names;
+  pipeline/scoring/metrics.py that scores them, beside <SCORES>_by_frame where rows are of persons (`FACTS.subject`);
+  `STRESSED`, the conditions that stress tests report; where these are not those of the recordings,
+  `conditions(windows)` -> (n,) names;
 * series: `task(protocol, settings)` -> datasets.series.Task;
 * images: `chosen(frames, settings)` -> rows that become images; `images(frames, settings)` -> the images by modality.
 """

@@ -45,12 +45,7 @@ def contact(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list
     * sum_ratio: sum of all predicted maps over that of the true ones.
     * away_rmse: rmse in cells further than AWAY_MM from any cell that is touched at all.
     """
-    true_maps, maps = as_maps(truth, settings), as_maps(predicted, settings)
-    found = [_same_contacts(*pair) for pair in zip(true_maps >= CONTACT, maps >= CONTACT, strict=True)]
-    sensor, label = settings["sensor"], settings["label"]
-    reach = [round(AWAY_MM * label[f"map_{side}"] / (sensor[side] * sensor["pitch_mm"])) for side in ("rows", "cols")]
-    size = (1, *(2 * cells + 1 for cells in reach))
-    away = ndimage.maximum_filter(true_maps, size=size, mode="constant") == 0
+    true_maps, maps, found, away = _contacts(truth, predicted, settings)
     squares = np.square(maps[away], dtype=np.float64)
     total = true_maps.sum(dtype=np.float64)
     rows = overall(truth, predicted, "% contact")
@@ -58,6 +53,30 @@ def contact(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> list
     rows.append(("sum_ratio", "1", float(maps.sum(dtype=np.float64) / total) if total > 0 else float("nan"), len(maps)))
     rows.append(("away_rmse", "% contact", float(np.sqrt(squares.mean())) if len(squares) else float("nan"), len(maps)))
     return rows
+
+
+def contact_by_frame(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> dict[str, tuple]:
+    """Return metric -> (share, of) of every frame, each (n,): a score of `contact` is sum of shares / sum of `of`.
+
+    That of away_rmse is its square. Arguments: as there, without a failed run.
+    """
+    true_maps, maps, found, away = _contacts(truth, predicted, settings)
+    over = {"axis": (1, 2), "dtype": np.float64}
+    return {
+        "touches_found": (found.astype(float), np.ones(len(found))),
+        "sum_ratio": (maps.sum(**over), true_maps.sum(**over)),
+        "away_rmse": (np.square(np.where(away, maps, 0), dtype=np.float64).sum(**over), away.sum(**over)),
+    }
+
+
+def _contacts(truth: np.ndarray, predicted: np.ndarray, settings: Mapping) -> tuple[np.ndarray, ...]:
+    """Return both maps (n, rows, cols), whether their contacts are the same (n,), and which cells are away from any."""
+    true_maps, maps = as_maps(truth, settings), as_maps(predicted, settings)
+    found = [_same_contacts(*pair) for pair in zip(true_maps >= CONTACT, maps >= CONTACT, strict=True)]
+    sensor, label = settings["sensor"], settings["label"]
+    reach = [round(AWAY_MM * label[f"map_{side}"] / (sensor[side] * sensor["pitch_mm"])) for side in ("rows", "cols")]
+    size = (1, *(2 * cells + 1 for cells in reach))
+    return true_maps, maps, np.array(found), ndimage.maximum_filter(true_maps, size=size, mode="constant") == 0
 
 
 def _same_contacts(truth: np.ndarray, predicted: np.ndarray) -> bool:

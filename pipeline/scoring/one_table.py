@@ -7,7 +7,7 @@ of training, and the value, NaN for a failed run. A row without a protocol, a se
 `dvc repro` trains is of the budget `look`, the committed shards of the evidence are of `half` and `full`.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,8 +42,10 @@ class Results:
             raise InputError(f"two results for {', '.join(map(str, repeated.iloc[0][[*KEY, 'seed']]))}")
         self.table = rows
         by_unit = rows["metric"].str.endswith(units.SUFFIX)
-        place = ["experiment", "protocol", "condition", "model", "metric", "budget"]
-        self._by_unit = dict(list(rows[by_unit].groupby(place)))
+        named = rows[by_unit]["variant"].str
+        variant, unit = named.replace("/?[^/]*$", "", regex=True), named.replace(".*/", "", regex=True)
+        place = [variant if name == "variant" else name for name in (*KEY, "budget")]
+        self._by_unit = dict(list(rows[by_unit].assign(variant=unit).groupby(place)))
         rows = rows[~by_unit]
         groups = rows.groupby([*KEY, "budget"]).indices
         seeds, numbers = rows["seed"].to_numpy(), rows["value"].to_numpy(float)
@@ -75,13 +77,32 @@ class Results:
                     return self._runs[key], at
         return pd.Series(dtype=float), ""
 
-    def draws(self, experiment: str, protocol: str, condition: str, model: str, metric: str, budget: str) -> pd.Series:
-        """Return a metric over presses or grasps drawn anew (`units.drawn`); empty where it has no rows by unit."""
-        for at in (budget, ""):
-            rows = self._by_unit.get((experiment, protocol, condition, model, metric + units.SUFFIX, at))
-            if rows is not None:
-                return units.drawn(rows, metric)
-        return pd.Series(dtype=float)
+    def draws(
+        self,
+        experiment: str,
+        protocols: Sequence[str],
+        condition: str,
+        model: str,
+        metric: str,
+        variant: str,
+        budget: str,
+    ) -> pd.Series:
+        """Return a metric over presses or grasps drawn anew (`units.drawn`); empty where it has no rows by unit.
+
+        protocols: of several, which test on different persons, all are one result; empty where one has none. Raises
+        InputError where two test on the same one.
+        """
+        parts = []
+        for protocol in protocols:
+            place = (experiment, protocol, condition, model, variant, metric + units.SUFFIX)
+            found = [self._by_unit[*place, at] for at in (budget, "") if (*place, at) in self._by_unit]
+            parts += found[:1]
+        if not parts or len(parts) < len(protocols):
+            return pd.Series(dtype=float)
+        tested = pd.concat([part["variant"].drop_duplicates() for part in parts])
+        if twice := list(tested[tested.duplicated()]):
+            raise InputError(f"{experiment}: two of {', '.join(protocols)} test on {twice[0]}")
+        return units.drawn(pd.concat(parts), metric)
 
     def runs(
         self,

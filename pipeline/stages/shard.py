@@ -165,7 +165,9 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     rows = pd.concat(tables).reindex(columns=claim_inputs.COLUMNS).astype({"variant": object})
     rows = rows[rows["metric"] != MEASURED]
     if each.variant:  # what has a variant of its own, such as a pair of objects, would stand beside that of the tables
-        rows = rows[rows["variant"].isna()]
+        of_unit = rows["metric"].str.endswith(units.SUFFIX)
+        rows = rows[of_unit | rows["variant"].isna()]
+        rows["variant"] = rows["variant"].radd(f"{each.variant}/")
     models = values[experiment]["models"]
     trained = {model for model in models if "training" in models[model] or params.transfers(model)}  # from a network
     rows["budget"] = [shard.budget if model in trained else "" for model in rows["model"]]
