@@ -136,6 +136,14 @@ class Units(NamedTuple):
         return " ".join(f"{one}{end}" for one, end in zip(told, ends, strict=True))
 
 
+def called(facts: Facts, kind: str, persons: int) -> str:
+    """Return what draws are over in words; kind: of the input, `KIND`; persons: how many of whom it is recorded."""
+    units = "frames" if not facts.stream else "grasps" if kind == "images" else "presses"
+    if not facts.subject:
+        return units
+    return f"{facts.subject}s" if persons >= FEWEST else f"{units} of {persons} {facts.subject}{'s' * (persons > 1)}"
+
+
 def of_written(text: str, metric: str) -> tuple[np.ndarray, tuple[int, ...]]:
     """Return the metric over blocks drawn anew, (DRAWS,), and how many blocks each person has; text: see `Units`.
 
