@@ -11,9 +11,9 @@ SPAN or more and neither is 0. Where a curve passes a level several times, the f
 
 Intervals are of the mean curves of DRAWS draws, with replacement. An end at which the level is not reached is infinite.
 Of recordings that are scored in blocks of presses, grasps or frames, blocks are drawn (`units.of_written`), the same
-ones for all seeds, severities and models: how far other presses would change a number. Else as many seeds are drawn as
-there are; a model and `constant` share the seeds of a draw. Fewer than FEWEST blocks, or seeds, have no interval. The
-column `over` says what was drawn.
+ones for all seeds, severities and models: how far a number would differ with other presses. Else as many seeds are
+drawn as there are; a model and `constant` share the seeds of a draw. Fewer than FEWEST blocks, or seeds, have no
+interval. The column `over` says what was drawn.
 
 A model is usable clean where its clean error, the mean over seeds that the tables of accuracy have, is at most `usable`
 and below that of `constant`. Others have no skill whose loss could be told, and stand in no table but that of UNUSABLE.
@@ -408,7 +408,7 @@ def helped(plain: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
     where one of them is not reached.
     """
     on = [*WHERE, "direction", "unit"]
-    values = ["clean", "half_at", "half_low", "half_high", "half_note", "largest", "seeds"]
+    values = ["clean", "half_at", "half_low", "half_high", "half_note", "largest", "seeds", "over"]
     joined = plain[[*on, *values]].merge(other[[*on, *values]], on=on, suffixes=("", "_variant"))
     joined = joined[joined["largest"].notna()]
     return joined.assign(ratio=joined["half_at_variant"] / joined["half_at"]).reset_index(drop=True)

@@ -83,6 +83,7 @@ def stability(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFra
             files.write_table(folder / f"{name}.csv", table)
     told = {"starts": starts(joined["starts"]), "helped": helped(joined["helped"]) if len(joined["helped"]) else None}
     told |= {"worse": verdicts.WORSE, "draws": verdicts.DRAWS, "span": verdicts.SPAN, "highest": figures.HIGHEST}
+    told["fewest"] = results.FEWEST
     files.write_text(folder / "README.md", render("stability", parts=parts, **told))
     return stress[COLUMNS]
 
@@ -121,6 +122,7 @@ def condition(
     told["not_usable"] = [f"{model_name(row.model)} ({error(row.clean)})" for row in out.itertuples()]
     told["limit"] = f"{error(limit_of(rows, out))} {unit}" if len(out) else ""
     told["without_axis"] = without_axis(runs[here], rows, experiment)
+    told |= {"intervals": "", "seeds": facts(experiment).seeds, "bands": bool(known["over"].any())}
     found = []
     if len(known) or len(out):
         said = findings(experiment, protocol, name, runs[here], rows, out)
@@ -128,11 +130,11 @@ def condition(
         found.append(pd.DataFrame([place | said], columns=FINDINGS))
         told["sentences"] = " ".join(said[part] for part in FINDINGS[3:] if said[part])
     if len(known):
-        told["table"] = stability_table(rows)
+        told["table"], told["intervals"] = stability_table(rows), intervals(rows)
         budget = FULL if FULL in set(known["budget"]) else "no"
         drawn = panels(runs[here], known)
         if drawn:
-            seeds = seeds_of(known)
+            seeds = runs_of(known)
             of = f"{title} ({protocol_words(protocol)}, budget {budget}, {seeds})"
             label = "Images named wrongly (share)" if facts(experiment).metric == "accuracy" else f"Error ({unit})"
             figures.small_multiples(folder / file, drawn, known["floor"].mean(), label, of)
@@ -148,11 +150,25 @@ def protocol_words(protocol: str) -> str:
     return f"split {protocol.replace('_', ' ')}"
 
 
-def seeds_of(rows: pd.DataFrame) -> str:
-    """Return how many seeds the rows of failures.csv are of, in words."""
+def runs_of(rows: pd.DataFrame, things: str = "seeds") -> str:
+    """Return how many runs the rows of failures.csv are of, in words; things: what each seed has another one of."""
     numbers = sorted({int(each) for each in rows["seeds"]})
     said = f"{numbers[0]} to {numbers[-1]}" if len(numbers) > 1 else f"{numbers[0]}"
-    return f"{said} seed{'' if numbers == [1] else 's'}"
+    return f"{said} {things.removesuffix('s') if numbers == [1] else things}"
+
+
+def intervals(rows: pd.DataFrame) -> str:
+    """Return what the intervals of `stability_table` are over, in a sentence; rows: of failures.csv, of one condition.
+
+    Fewer runs than an interval needs, and no blocks, have none.
+    """
+    known = rows[rows["largest"].notna()]
+    things, over = facts(known["experiment"].iloc[0]).seeds, []
+    for what, own in known[known["half_low"].notna()].groupby("over", sort=False):
+        tests = [perturbation(test)[0] for test in own["perturbation"].unique()]
+        over.append({"what": what, "of_runs": what == things, "tests": tests})
+    runs = runs_of(known, things)
+    return render("stability_intervals", over=over, runs=runs, one=runs.startswith("1 ")).strip()
 
 
 def limit_of(rows: pd.DataFrame, out: pd.DataFrame) -> float:
@@ -243,7 +259,7 @@ def findings(
         told = f"{where} ({error(each.error)} in place of {error(each.of_best)})"
         given["instead"].setdefault(model_name(each.model), []).append(told)
     given["never"] = known[(known["model"] == best["model"]) & known["half_at"].notna()].empty
-    given["seeds"], given["fewest"] = int(best["seeds"]), results.FEWEST
+    given["runs"], given["untold"] = runs_of(known[known["model"] == best["model"]]), not best["over"]
     return _sentences(given)
 
 
@@ -410,9 +426,10 @@ def helped(table: pd.DataFrame) -> Table:
         name = test_name(row["perturbation"], row["direction"], table[table["experiment"] == row["experiment"]])
         clean = " / ".join(error(row[key]) for key in ("clean", "clean_variant"))
         rows.append([where, model_name(row["model"]), f"{clean} {unit}", f"{name} ({row['unit']})"])
-        rows[-1] += [half_at(row), half_at(other), ratio(row)]
+        over = dict.fromkeys(each for each in (row["over"], row["over_variant"]) if each)
+        rows[-1] += [half_at(row), half_at(other), ratio(row), " / ".join(over) or "-"]
     head = ["Condition", "Model", "Clean error, plain / with faults", "Test", "Half lost at, plain"]
-    return Table([*head, "Half lost at, with faults", "Ratio"], rows)
+    return Table([*head, "Half lost at, with faults", "Ratio", "Intervals over"], rows)
 
 
 def ratio(row: Mapping) -> str:

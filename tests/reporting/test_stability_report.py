@@ -159,10 +159,10 @@ def test_training_with_faults_stands_beside_the_plain_one(workspace, made, undra
         "Speed of a press, below 0 (factor, as a power of 2)",  # of noise neither loses half
     }
     assert told["Dead elements (number of elements)"][2:] == [
-        *("2.00 / 2.50 kPa", "Dead elements (number of elements)", "2 [1.9, 2]", "3.8 [3.8, 3.8]", "1.91")
+        *("2.00 / 2.50 kPa", "Dead elements (number of elements)", "2 [1.9, 2]", "3.8 [3.8, 3.8]", "1.91", "arrays")
     ]
     slower = told["Speed of a press, below 0 (factor, as a power of 2)"]
-    assert slower[4:] == ["-2 [-2, -1.9]", "< -2", "> 1.02"], "2 over 4 / 2.04"
+    assert slower[4:] == ["-2 [-2, -1.9]", "< -2", "> 1.02", "arrays"], "2 over 4 / 2.04"
     failures = pd.read_csv(workspace.reports / "stability" / "failures.csv")
     assert failures.loc[failures["model"] == "lomp", "clean"].unique().tolist() == [2.0]
 

@@ -22,7 +22,7 @@ from pipeline.experiments import facts
 from pipeline.reporting.figures import ratios
 from pipeline.reporting.page import answers, charts, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
-from pipeline.reporting.stability import FINDINGS, by_test, stability_table
+from pipeline.reporting.stability import FINDINGS, by_test, intervals, stability_table
 from pipeline.reporting.tables import Table
 from pipeline.reporting.words.labels import condition_name, experiment_name, plain
 from pipeline.scoring import one_table, shards
@@ -168,7 +168,8 @@ def stability_summary(failures: pd.DataFrame, said: pd.DataFrame) -> Markup:
         title = f"{experiment_name(name)}: {condition_name(name, protocol, condition)}"
         known = failures[rows]["largest"].notna().any()
         table = by_test(stability_table(failures[rows])) if known else None
-        shown.append({"title": title, "sentences": sentences, "table": table})
+        over = intervals(failures[rows]) if known else ""
+        shown.append({"title": title, "sentences": sentences, "table": table, "intervals": over})
     return fill("stability", parts=shown)
 
 
