@@ -21,7 +21,7 @@ from scipy import ndimage
 
 from pipeline.base import foreign
 from pipeline.base.errors import InputError
-from pipeline.base.facts import Facts, Source
+from pipeline.base.facts import Facts, Source, Twin
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.logs import parse
@@ -43,6 +43,7 @@ FACTS = Facts(
     drawn=("fold_0",),
     tested={("fold_0", "one"): "one contact", ("fold_0", "two"): "two contacts", ("fold_0", "three"): "three contacts"},
     subject="person",
+    twin=Twin("array_recorded", "Touch: the recorded capacitive array and the scene's", scene="touch"),
     source=Source(
         repository="eth-siplab/CapContact",
         commit="ccc3298962cd2dc086c470892719b402ee75eff0",

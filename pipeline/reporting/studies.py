@@ -128,8 +128,10 @@ def twins(workspace: Workspace, folder: Path, _: Mapping) -> pd.DataFrame:
         missing = "The recordings were not fetched" if summary["recorded"].isna().all() else ""
         reason = "" if known else missing or "The data are your own logs, not simulated"
         drawn = figure if (folder / figure).is_file() else ""
-        title = facts(name).twin.title
-        parts.append({"title": title, "reason": reason, "figure": drawn, "table": tables.twins(summary)})
+        twin = facts(name).twin
+        said = twin.said.format_map({row["statistic"]: row for row in summary.to_dict("records")}) if known else ""
+        parts.append({"title": twin.title, "reason": reason, "figure": drawn, "table": tables.twins(summary)})
+        parts[-1]["said"] = said
         together.append(summary)
     files.write_text(folder / "README.md", render("twins", parts=parts))
     return pd.concat(together, ignore_index=True)
