@@ -29,10 +29,12 @@ class Paper(NamedTuple):
 
 
 class Twin(NamedTuple):
-    """The recordings that the scene is compared with."""
+    """The recordings that a scene is compared with."""
 
     experiment: str
     title: str  # of the comparison
+    scene: str = ""  # the experiment that is compared, where it is another one than has this fact
+    said: str = ""  # what the numbers tell; {statistic[column]} stands for a number of reports/twins.csv
 
 
 class Finding(NamedTuple):
@@ -69,6 +71,7 @@ class Facts:
     pooled: tuple[str, ...] = ()  # name of all test windows of a run together
     stream: bool = True  # frames follow one another; else there is neither a data sheet nor a prediction of a log
     subject: str = ""  # column of the dataset: of whom a row is, who is drawn anew before what is of one
+    twin: Twin | None = None  # of a scene, or of further recordings that a scene is compared with
     # Of sensors that people record themselves.
     log: str | None = None  # the sensor's log in the folder of a recording
     truth: tuple[str, ...] = ()  # logs beside it
@@ -78,7 +81,6 @@ class Facts:
     quick: tuple[str, ...] = ()  # models of `tactile try`: one that knows nothing, quick ones, a network of the papers
     # Of simulated sensors.
     paper: Paper | None = None
-    twin: Twin | None = None
     first: str = ""  # name of its recordings of the first specimen, where names do not number specimens
     purpose: Mapping[str, str] = field(default_factory=dict)  # effect that no model has to see -> what it is for
     shown: Mapping[str, str] = field(default_factory=dict)  # effect that recordings show -> statistic of the twins

@@ -21,7 +21,7 @@ from scipy import ndimage
 
 from pipeline.base import foreign
 from pipeline.base.errors import InputError
-from pipeline.base.facts import Facts, Source
+from pipeline.base.facts import Facts, Source, Twin
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
 from pipeline.logs import parse
@@ -43,6 +43,30 @@ FACTS = Facts(
     drawn=("fold_0",),
     tested={("fold_0", "one"): "one contact", ("fold_0", "two"): "two contacts", ("fold_0", "three"): "three contacts"},
     subject="person",
+    twin=Twin(
+        "array_recorded",
+        "Touch: the recorded capacitive array and the scene's",
+        scene="touch",
+        said=(
+            "The recorded array is of another principle: what counts here is how two contacts differ from one.\n\n"
+            "**What the scene's double touch has and the recorded one has not.** One of two tips of a column "
+            "reads {in_column[simulated]:.2f} in log beside tips on different lines (recorded "
+            "{in_column[recorded]:.3f}). A single tip changes what the elements of its row and column read far "
+            "away by {along_line[simulated]:.3f} of its own reading (recorded {along_line[recorded]:.4f}).\n\n"
+            "**What it lacks.** Where the row of one finger crosses the column of the other, the recorded array "
+            "reads {crossing[recorded]:.3f} of what it reads under the fingers, beyond what each does on its "
+            "lines (simulated {crossing[simulated]:.3f}). A recorded contact reaches further, with "
+            "{beside[recorded]:.2f} of its reading 10 to 14 mm from its centre (simulated "
+            "{beside[simulated]:.3f}). Recorded elements differ less, by {gain_spread[recorded]:.3f} in log "
+            "(simulated {gain_spread[simulated]:.2f}).\n\n"
+            "**What could be missed.** A difference within the recorded range is not seen, as persons differ by "
+            "as much. So two contacts on different lines may change each other's reading by "
+            "{two_over_one[recorded_low]:.2f} to {two_over_one[recorded_high]:.2f} in log unnoticed, and two of a"
+            " row by {in_row[recorded_low]:.2f} to {in_row[recorded_high]:.2f}. Recorded contacts are matched by "
+            "area, which is no force. The scene's ranges are over quarters of the recordings of one array, not "
+            "over arrays; which lines of the recorded array are driven is not known."
+        ),
+    ),
     source=Source(
         repository="eth-siplab/CapContact",
         commit="ccc3298962cd2dc086c470892719b402ee75eff0",

@@ -8,6 +8,7 @@ import json
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
+from string import Formatter
 
 import numpy as np
 import pandas as pd
@@ -128,11 +129,22 @@ def twins(workspace: Workspace, folder: Path, _: Mapping) -> pd.DataFrame:
         missing = "The recordings were not fetched" if summary["recorded"].isna().all() else ""
         reason = "" if known else missing or "The data are your own logs, not simulated"
         drawn = figure if (folder / figure).is_file() else ""
-        title = facts(name).twin.title
-        parts.append({"title": title, "reason": reason, "figure": drawn, "table": tables.twins(summary)})
+        twin = facts(name).twin
+        part = {"title": twin.title, "reason": reason, "figure": drawn, "table": tables.twins(summary)}
+        parts.append(part | {"said": told(twin.said, summary)})
         together.append(summary)
     files.write_text(folder / "README.md", render("twins", parts=parts))
     return pd.concat(together, ignore_index=True)
+
+
+def told(said: str, summary: pd.DataFrame) -> str:
+    """Return the words on a comparison with its numbers in them; nothing where one of these is not known.
+
+    said: names them as {statistic[column]}, of the columns of `summary`.
+    """
+    rows = {row["statistic"]: row for row in summary[summary["inside"].notna()].to_dict("records")}
+    named = {field.partition("[")[0] for _, field, *_ in Formatter().parse(said) if field}
+    return said.format_map(rows) if named <= set(rows) else ""
 
 
 def summarised(experiment: str, table: pd.DataFrame, kept: pd.DataFrame) -> pd.DataFrame:

@@ -1,6 +1,6 @@
 """Compute the same model-free statistics of recordings and of the scene that stands for them: twins.csv.
 
-Usage: python -m pipeline.stages.twins touch|strain|glove
+Usage: python -m pipeline.stages.twins touch|array_recorded|strain|glove
 """
 
 import pandas as pd
@@ -9,18 +9,20 @@ from pipeline.base import arguments, files, params
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
-from pipeline.twins import glove, strain, touch
+from pipeline.twins import array_recorded, glove, strain, touch
 
-MODULES = {module.__name__.rpartition(".")[2]: module for module in (touch, strain, glove)}  # named as experiments
+MODULES = {  # named as experiments that have the fact `twin`
+    module.__name__.rpartition(".")[2]: module for module in (touch, array_recorded, strain, glove)
+}
 COLUMNS = ["statistic", "unit", "source", "recording", "value", "meaning", "note"]
 
 
 def statistics(workspace: Workspace, values: dict, experiment: str) -> pd.DataFrame:
     """Return the rows of twins.csv; those of recordings that are absent, or of a scene not simulated, are left out."""
-    module, tables = MODULES[experiment], []
-    if why_not_run(workspace, facts(experiment).twin.experiment) is None:
+    module, twin, tables = MODULES[experiment], facts(experiment).twin, []
+    if why_not_run(workspace, twin.experiment) is None:
         tables.append(module.recorded(workspace, values).assign(source="recorded"))
-    if values[experiment]["source"] == "simulated":
+    if values[twin.scene or experiment]["source"] == "simulated":
         tables.append(module.simulated(workspace, values).assign(source="simulated"))
     table = pd.concat([pd.DataFrame(columns=COLUMNS), *tables])
     for column, meaning in (("unit", 0), ("meaning", 1)):

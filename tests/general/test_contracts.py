@@ -12,12 +12,14 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import yaml
+from builders import array_contacts
 from builders.project import ROOT
 
 from pipeline import experiments, scenes, tasks
 from pipeline.base import params, paths, workers
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
+from pipeline.reporting import studies
 from pipeline.scoring import shards
 from pipeline.scoring.times import LATENCY
 from pipeline.stages import render, twins
@@ -109,10 +111,21 @@ def test_a_twin_says_what_each_of_its_statistics_is(name):
     assert all(unit and len(meaning) > 20 for unit, meaning in module.STATISTICS.values())
 
 
+@pytest.mark.parametrize("name", twins.MODULES)
+def test_the_words_on_a_twin_are_about_numbers_that_it_has(name):
+    rows = {statistic: dict.fromkeys(studies.SUMMARY, 0.5) for statistic in twins.MODULES[name].STATISTICS}
+    twin = experiments.facts(name).twin
+    assert "{" not in twin.said.format_map(rows)
+    assert (twin.scene or name) in SCENES and "source" in VALUES[twin.scene or name]
+
+
 def scene_of_twin(name: str, workspace: Workspace, values: dict) -> None:
     """What the scene of a twin is made from, small: settings of it, and the frames that it needs."""
-    values[name]["simulate"] |= {"specimens": 1}
-    if name == "touch":  # two recordings of a taxel, pressed sixteen times for ten seconds, eight seconds apart
+    scene = experiments.facts(name).twin.scene or name
+    values[scene]["simulate"] |= {"specimens": 1}
+    if name == "array_recorded":
+        array_contacts.scene(workspace.frames("touch"), np.random.default_rng(0))
+    elif name == "touch":  # two recordings of a taxel, pressed sixteen times for ten seconds, eight seconds apart
         time_s = np.arange(0, 16 * 18, 0.05)
         force = np.interp(time_s % 18, [8, 8.1, 17.9, 18], [0, 1, 1, 0]) * (20 + 0.2 * (time_s // 18))
         columns = {"recording": ["pike9_force_20/exp1"] * len(time_s) + ["pike9_force_20/exp2"] * len(time_s)}

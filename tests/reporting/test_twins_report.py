@@ -48,7 +48,8 @@ def test_what_is_out_of_range_is_said_with_its_reason():
 
 
 def test_files_are_written_and_one_side_alone_is_no_comparison(workspace, undrawn, tmp_path):
-    sides = {"touch": ("recorded", "simulated"), "strain": ("recorded",), "glove": ("simulated",)}
+    sides = {"touch": ("recorded", "simulated"), "array_recorded": ("recorded",), "strain": ("recorded",)}
+    sides["glove"] = ("simulated",)
     for experiment in experiments.having("twin"):
         workspace.twins(experiment).parent.mkdir(parents=True)
         table = made({key: numbers for key, numbers in (LIKE | UNLIKE).items() if key[1] in sides[experiment]})
@@ -57,7 +58,7 @@ def test_files_are_written_and_one_side_alone_is_no_comparison(workspace, undraw
     target.mkdir()
     summary = studies.twins(workspace, target, {})
     assert summary["experiment"].tolist() == [name for name in experiments.having("twin") for _ in range(2)]
-    assert summary["inside"].notna().tolist() == [True, True, False, False, False, False]
+    assert summary["inside"].notna().tolist() == [True] * 2 + [False] * 6
     assert {path.name for path in target.iterdir()} == {"README.md", "touch.png"}
     text = (target / "README.md").read_text()
     assert (
@@ -97,3 +98,39 @@ def test_recordings_that_are_absent_leave_the_scene(workspace, absent, monkeypat
     assert table["source"].tolist() == (["simulated"] if absent else ["recorded", "simulated"])
     assert np.isclose(table["value"].iloc[-1], 2.0) and table["unit"].eq("mV").all()
     assert twins_stage.statistics(workspace, {"strain": {"source": "logs/mine"}}, "strain").empty == absent
+
+
+@pytest.mark.parametrize("source", ["simulated", "logs/mine"])
+def test_recordings_beside_the_scene_of_another_experiment_ask_for_that_scene(workspace, source, monkeypatch):
+    monkeypatch.setattr(twins_stage, "why_not_run", lambda *given: None)
+    module = twins_stage.MODULES["array_recorded"]
+    rows = pd.DataFrame([("P01", "noise", 1.0)], columns=["recording", "statistic", "value"])
+    monkeypatch.setattr(module, "recorded", lambda *given: rows)
+    monkeypatch.setattr(module, "simulated", lambda *given: rows)
+    table = twins_stage.statistics(workspace, {"touch": {"source": source}}, "array_recorded")
+    assert table["source"].tolist() == ["recorded", "simulated"][: 2 if source == "simulated" else 1]
+
+
+def test_words_on_a_comparison_have_its_numbers():
+    said = "Loops read {loop[simulated]:.2f} (recorded {loop[recorded_low]:.0f} to {loop[recorded_high]:.0f})."
+    assert studies.told(said, summarised(made(LIKE | UNLIKE))) == "Loops read 2.55 (recorded 1 to 2)."
+    assert studies.told("Alike.", summarised(made(LIKE))) == "Alike."
+
+
+@pytest.mark.parametrize("known", [LIKE, LIKE | {("loop", "recorded"): [1.0]}, LIKE | {("loop", "simulated"): [1.0]}])
+def test_words_with_a_number_that_is_not_known_are_not_said(known):
+    assert studies.told("{noise[simulated]:.1f} and {loop[recorded]:.1f}", summarised(made(known))) == ""
+
+
+def test_the_words_stand_below_the_table_of_their_comparison(workspace, undrawn, tmp_path):
+    names = ["in_column", "along_line", "crossing", "beside", "gain_spread", "two_over_one", "in_row"]
+    for experiment in experiments.having("twin"):
+        workspace.twins(experiment).parent.mkdir(parents=True)
+        values = {(name, "recorded"): [0.25, 0.75] for name in names} | {(name, "simulated"): [-0.5] for name in names}
+        made(values).to_csv(workspace.twins(experiment), index=False)
+    studies.twins(workspace, tmp_path, {})
+    parts = (tmp_path / "README.md").read_text().split("\n## ")
+    (part,) = (part for part in parts if part.startswith("Touch: the recorded capacitive array"))
+    assert "One of two tips of a column reads -0.50 in log" in part and "by 0.25 to 0.75 in log" in part
+    assert part.rindex("| ---") < part.index("**What it lacks.**") and part.endswith(".\n")
+    assert sum("**What it lacks.**" in other for other in parts) == 1
