@@ -23,6 +23,7 @@ MOST_OF_SUBJECT = 10  # likewise of one person: how persons differ weighs more
 SUFFIX = "_of_unit"  # of the metric's name; the variant is the unit, or <variant>/<unit>
 DRAWS = 1000
 DRAW = "draw"  # name of the index of values that are draws, not runs
+WHOLE = -1  # in that index: no draw, but what was measured
 
 
 def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Sequence[str]) -> Iterator[Mapping]:
@@ -107,7 +108,8 @@ def drawn(table: pd.DataFrame, metric: str) -> pd.Series:
 
     Where units are of several persons, persons are drawn, and for each that is drawn its units: rows of several
     protocols that test on different persons may stand together. The same units give the same draws, and as many persons
-    the same persons, so that models are paired, and conditions and metrics by person.
+    the same persons, so that models are paired, and conditions and metrics by person. Few persons of unlike weight make
+    the mean of draws a percent off, so that at WHOLE, beside the draws, is the metric over all units as they are.
     """
     mean = table.groupby("variant")["value"].mean()
     weight = table.groupby("variant")["n"].first().astype(float)
@@ -118,10 +120,12 @@ def drawn(table: pd.DataFrame, metric: str) -> pd.Series:
     if len(first) == 1:
         picked = rng.integers(len(value), size=(DRAWS, len(value)))
         result = (weight * value)[picked].sum(axis=1) / weight[picked].sum(axis=1)
+        index = range(DRAWS)
     else:
-        sums = np.zeros((2, DRAWS))
-        for draw, persons in enumerate(rng.integers(len(first), size=(DRAWS, len(first)))):
-            picked = np.concatenate([first[one] + rng.integers(size[one], size=size[one]) for one in persons])
-            sums[:, draw] = (weight * value)[picked].sum(), weight[picked].sum()
-        result = sums[0] / sums[1]
-    return pd.Series(np.sqrt(result) if metric.endswith("rmse") else result, index=pd.RangeIndex(DRAWS, name=DRAW))
+        persons = rng.integers(len(first), size=(DRAWS, len(first)))
+        own, places = size[persons][..., None], np.arange(size.max())
+        picked = first[persons][..., None] + (rng.random((*persons.shape, len(places))) * own).astype(int)
+        drawn_weight = np.where(places < own, weight[picked], 0)
+        result = (drawn_weight * value[picked]).sum(axis=(1, 2)) / drawn_weight.sum(axis=(1, 2))
+        result, index = [np.average(value, weights=weight), *result], range(WHOLE, DRAWS)
+    return pd.Series(np.sqrt(result) if metric.endswith("rmse") else result, index=pd.RangeIndex(index, name=DRAW))
