@@ -32,6 +32,7 @@ WRITTEN = rf"({BLOCK}( ({APART} )?{BLOCK})*)?"  # form of the blocks of a score 
 SUFFIX = "_of_unit"  # of the metric's name; the variant is the unit, or <variant>/<unit>
 DRAWS = 1000
 DRAW = "draw"  # name of the index of values that are draws, not runs
+WHOLE = -1  # in that index: no draw, but what was measured
 
 
 def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Sequence[str]) -> Iterator[Mapping]:
@@ -169,21 +170,26 @@ def of_written(text: str, metric: str) -> tuple[np.ndarray, tuple[int, ...]]:
 @functools.lru_cache(maxsize=64)
 def _times_drawn(sizes: tuple[int, ...]) -> np.ndarray:
     """Return how often each draw has each block, (DRAWS, blocks); sizes: blocks of each person."""
-    return np.array([np.bincount(each, minlength=sum(sizes)) for each in _picked(sizes, FEWEST)], float)
+    picked, counted = _picked(sizes, FEWEST)
+    return np.array(
+        [np.bincount(one[of], minlength=sum(sizes)) for one, of in zip(picked, counted, strict=True)], float
+    )
 
 
-def _picked(sizes: Sequence[int], fewest: int = 1) -> Iterator[np.ndarray]:
-    """Yield the places of the units of each draw, DRAWS times: persons are drawn, and of each that is drawn its units.
+def _picked(sizes: Sequence[int], fewest: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Return the places of the units of each draw, (DRAWS, m), and which of them count, bool.
 
-    sizes: units of each person, which stand together. Persons fewer than `fewest` are all kept.
+    Persons are drawn, and of each that is drawn its units. sizes: units of each person, which stand together. Persons
+    fewer than `fewest` are all kept.
     """
     if len(sizes) == 1:
-        yield from np.random.default_rng(sizes[0]).integers(sizes[0], size=(DRAWS, sizes[0]))
-        return
-    rng, first, shape = np.random.default_rng(len(sizes)), np.cumsum([0, *sizes]), (DRAWS, len(sizes))
-    drawn = rng.integers(len(sizes), size=shape) if len(sizes) >= fewest else np.tile(range(len(sizes)), (DRAWS, 1))
-    for persons in drawn:
-        yield np.concatenate([first[one] + rng.integers(sizes[one], size=sizes[one]) for one in persons])
+        picked = np.random.default_rng(sizes[0]).integers(sizes[0], size=(DRAWS, sizes[0]))
+        return picked, np.full(picked.shape, True)
+    rng, shape, size = np.random.default_rng(len(sizes)), (DRAWS, len(sizes)), np.array(sizes)
+    persons = rng.integers(len(size), size=shape) if len(size) >= fewest else np.tile(np.arange(len(size)), (DRAWS, 1))
+    first, own, places = np.cumsum(size) - size, size[persons][..., None], np.arange(size.max())
+    picked = first[persons][..., None] + (rng.random((*shape, len(places))) * own).astype(int)
+    return picked.reshape(DRAWS, -1), np.broadcast_to(places < own, picked.shape).reshape(DRAWS, -1)
 
 
 def _metric(loss: np.ndarray, metric: str) -> np.ndarray:
@@ -196,12 +202,18 @@ def drawn(table: pd.DataFrame, metric: str) -> pd.Series:
 
     Where units are of several persons, persons are drawn, and for each that is drawn its units: rows of several
     protocols that test on different persons may stand together. The same units give the same draws, and as many persons
-    the same persons, so that models are paired, and conditions and metrics by person.
+    the same persons, so that models are paired, and conditions and metrics by person. Few persons of unlike weight make
+    the mean of draws a percent off, so that at WHOLE, beside the draws, is the metric over all units as they are.
     """
     mean = table.groupby("variant")["value"].mean()
     weight = table.groupby("variant")["n"].first().astype(float)
     order = sorted(mean.index, key=lambda name: (name.rpartition("_")[0], int(name.rpartition("_")[2])))
     value, weight = mean[order].to_numpy(), weight[order].to_numpy()
     sizes = np.unique([name.rpartition("_")[0] for name in order], return_counts=True)[1]
-    result = [(weight * value)[picked].sum() / weight[picked].sum() for picked in _picked(sizes)]
-    return pd.Series(_metric(np.array(result), metric), index=pd.RangeIndex(DRAWS, name=DRAW))
+    picked, counted = _picked(sizes)
+    drawn_weight = np.where(counted, weight[picked], 0)
+    result = (drawn_weight * value[picked]).sum(axis=1) / drawn_weight.sum(axis=1)
+    if len(sizes) == 1:
+        return pd.Series(_metric(result, metric), index=pd.RangeIndex(DRAWS, name=DRAW))
+    result = np.array([np.average(value, weights=weight), *result])
+    return pd.Series(_metric(result, metric), index=pd.RangeIndex(WHOLE, DRAWS, name=DRAW))
