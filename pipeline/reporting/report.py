@@ -51,7 +51,7 @@ class Report:
             if self.simulated and (shards.folder(workspace) / "shards.yaml").exists()
             else {}
         )
-        self._variants = {name for name, each in sets.items() if each.variant}
+        self.varied = {each.variant: each for each in sets.values() if each.variant and each.experiment == experiment}
         of_experiment = [each.variants for each in sets.values() if each.experiment == experiment]
         self.variants = {name: one for each in of_experiment for name, one in each.items()}
         self._of_tables = {

@@ -94,7 +94,7 @@ def cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.strip().strip("|").split(" | ")]
 
 
-@pytest.mark.parametrize("experiment", made_reports.DATA)
+@pytest.mark.parametrize("experiment", FILES)
 def test_every_report_has_every_model_says_failed_runs_and_reads_as_text(workspace, unplotted, monkeypatch, experiment):
     settings = made_reports.settings_of(experiment)
     failed = list(settings["models"])[-1]
