@@ -54,16 +54,17 @@ def contacts(workspace: Workspace, folder: Path, settings: Mapping, report: Repo
     by_person = persons(report, groups[group_of(main)], several)
     files.write_table(folder / "persons.csv", by_person)
     draw(report, folder, main, headings)
-    trained = {FOLDS.get(group, plain(group)): protocols[0] for group, protocols in groups.items()}
+    trained = {f"{plain(name)}, {FOLDS[group]}": name for group, (name, *_) in groups.items()}
     common_parts.learning_curves(report, folder / "learning_curves.png", trained, "(% contact)²")
     said = {
         "main": group_of(main), "several": several, "groups": groups, "conditions": conditions, "words": words,
         "absent": missing(report), "pool": pool, "by_person": person_table(by_person), "source": facts.source,
         "by_fold": {plain(protocol): (protocol, several, MAIN) for protocol in groups[group_of(main)]},
     }  # fmt: skip
-    known = {protocol: conditions for protocol in report.protocols if is_computed(report, protocol)}
-    runs = [run for protocol in known for run in product([protocol], conditions, report.models, UNITS)]
-    panels = {words[name]: (main, name) for name in conditions[:2]} if known else {}
+    scored = {protocol for protocol, _ in report.scored()}
+    known = [protocol for protocol in report.protocols if protocol in scored]
+    runs = product(known, conditions, report.models, UNITS)
+    panels = {words[name]: (main, name) for name in conditions[:2]}
     note = f"Errors are those of {plain(main)} alone; `accuracy` has those of all persons."
     by_fold = report.scores(runs, UNITS).reindex(columns=BY_FOLD)
     return Parts(by_fold, panels, (MAIN, f"RMSE ({UNITS[MAIN]})"), said, note)
@@ -83,19 +84,21 @@ def folds(report: Report) -> dict[str, list[str]]:
     return groups
 
 
-def is_computed(report: Report, protocol: str, variant: str = "") -> bool:
-    """Return whether there is a run of a protocol, or of a variant on it."""
-    return not report.results.rows(experiment=report.experiment, protocol=protocol, variant=variant).empty
-
-
 def missing(report: Report) -> list[str]:
-    """Return the protocols and variants that were not computed, in words."""
-    lost = [f"`{name}`" for name in report.protocols if not is_computed(report, name)]
-    for variant, each in report.varied.items():
-        if absent := [name for name in each.protocols if not is_computed(report, name, variant)]:
-            some = "" if len(absent) == len(each.protocols) else f" on {', '.join(absent)}"
-            lost.append(f"variant `{variant}`{some}")
-    return lost
+    """Return the protocols, models of others, and variants that were not computed, in words."""
+    rows = report.results.rows(experiment=report.experiment, metric=MAIN)
+    computed = set(zip(rows["protocol"], rows["variant"], rows["model"], strict=True))
+    places = {place[:2] for place in computed}
+    lost = [f"`{name}`" for name in report.protocols if (name, "") not in places]
+    for variant, each in [*(("", each) for each in report.of_tables.values()), *report.varied.items()]:
+        known = [name for name in each.protocols if (name, variant) in places]
+        if variant and not known:
+            lost.append(f"variant `{variant}`")
+        for model in each.models or report.models:
+            if absent := [name for name in known if (name, variant, model) not in computed]:
+                of = f" of variant `{variant}`" if variant else ""
+                lost.append(f"{model_name(model)}{of} on {', '.join(map(plain, absent))}")
+    return list(dict.fromkeys(lost))
 
 
 def found(

@@ -44,6 +44,7 @@ def made(tmp_path_factory):
     path = shards.folder(workspace) / "shards.yaml"
     sets = {"made": yaml.safe_load(path.read_text())["made"]}
     sets["finer"] = {"like": "made", "variant": "finer", "models": ["linear", "lomp"], "protocols": FOLDS}
+    sets["slow"] = {"like": "made", "models": ["vgg"], "protocols": FOLDS[:]}
     sets["coarser"] = {"like": "made", "variant": "coarser", "models": ["lomp"], "protocols": [*FOLDS]}
     path.write_text(yaml.safe_dump(sets, sort_keys=False))
     return workspace
@@ -148,7 +149,9 @@ def test_variants_and_more_contacts_stand_over_the_main_table_draw_by_draw(shown
         for folds in (["two_too_0", "two_too_1"], FOLDS)
     ]
     assert two["LoMP"][-1].startswith(f"{(draws[0] / draws[1]).mean():.2f} [")
-    assert "Not computed: variant `coarser`." in text and section(text, "`coarser`").strip().endswith("Not computed.")
+    assert "Not computed: VGG-16 on fold 0, fold 1, variant `coarser`." in text and section(
+        text, "`coarser`"
+    ).strip().endswith("Not computed.")
 
 
 def test_each_person_has_one_row_of_the_fold_that_tests_on_them(made, shown):
@@ -207,7 +210,7 @@ def test_one_fold_that_is_missing_is_named_and_the_others_stand_alone(made, tmp_
     settings = SETTINGS | {"protocols": SETTINGS["protocols"] | {"fold_2": {"seeds": []}}}
     made_reports.unplot(monkeypatch)
     text = (made_reports.rendered(workspace, EXPERIMENT, settings, monkeypatch) / "accuracy/README.md").read_text()
-    assert "Not computed: `fold_2`, variant `coarser`." in text
+    assert "Not computed: `fold_2`, VGG-16 on fold 0, fold 1, variant `coarser`." in text
     assert section(text, "RMSE").strip() == "Not computed."
     by_fold = cells(section(text, "By fold"))
     assert by_fold["LoMP"][-1] == "not run" and by_fold["LoMP"][0] != "not run"

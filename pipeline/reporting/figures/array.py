@@ -37,13 +37,14 @@ def frames(
         counts = heading == "Reading"
         scale = {"vmin": 0, "vmax": readings.max()} if counts else {"vmin": 0, "vmax": 100}
         for row, ax in enumerate(column):
-            look = {"origin": "lower", "extent": extent, "cmap": "magma" if counts else "viridis"}
+            look = {"origin": "lower", "extent": extent, "cmap": "Greys" if counts else "Blues"}
             drawn[counts] = ax.imshow(values[row], **look, **scale)
             if heading not in ("Reading", "Contact"):
                 error = np.sqrt(np.square(values[row] - truth[row]).mean())
                 ax.set_xlabel(f"RMSE {error:.1f} %" if np.isfinite(error) else "failed", labelpad=2)
             ax.set(xticks=[], yticks=[])
             ax.grid(False)
+            ax.spines[:].set(visible=True, color=style.GREY, linewidth=0.6)
         column[0].set_title(heading, fontweight="bold")
     for name, ax in zip(names, axes[:, 0], strict=True):
         ax.set_ylabel(name, rotation=0, ha="right", va="center", labelpad=6)
