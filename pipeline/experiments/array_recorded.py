@@ -49,10 +49,11 @@ FACTS = Facts(
         scene="touch",
         said=(
             "The recorded array is of another principle: what counts here is how two contacts differ from one.\n\n"
-            "**What the scene's double touch has and the recorded one has not.** One of two tips of a column "
-            "reads {in_column[simulated]:.2f} in log beside tips on different lines (recorded "
-            "{in_column[recorded]:.3f}). A single tip changes what the elements of its row and column read far "
-            "away by {along_line[simulated]:.3f} of its own reading (recorded {along_line[recorded]:.4f}).\n\n"
+            "**What the scene's double touch has and the recorded one has not.** The reading of one of two tips "
+            "of a column differs by {in_column[simulated]:.2f} in log from that of tips on different lines "
+            "(recorded {in_column[recorded]:.3f}). A single tip changes what the elements of its row and column "
+            "read far away by {along_line[simulated]:.3f} of its own reading (recorded "
+            "{along_line[recorded]:.4f}).\n\n"
             "**What it lacks.** Where the row of one finger crosses the column of the other, the recorded array "
             "reads {crossing[recorded]:.3f} of what it reads under the fingers, beyond what each does on its "
             "lines (simulated {crossing[simulated]:.3f}). A recorded contact reaches further, with "

@@ -131,6 +131,6 @@ def test_the_words_stand_below_the_table_of_their_comparison(workspace, undrawn,
     studies.twins(workspace, tmp_path, {})
     parts = (tmp_path / "README.md").read_text().split("\n## ")
     (part,) = (part for part in parts if part.startswith("Touch: the recorded capacitive array"))
-    assert "One of two tips of a column reads -0.50 in log" in part and "by 0.25 to 0.75 in log" in part
+    assert "one of two tips of a column differs by -0.50 in log" in part and "by 0.25 to 0.75 in log" in part
     assert part.rindex("| ---") < part.index("**What it lacks.**") and part.endswith(".\n")
     assert sum("**What it lacks.**" in other for other in parts) == 1
