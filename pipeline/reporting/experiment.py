@@ -12,7 +12,6 @@ from typing import NamedTuple
 import pandas as pd
 
 from pipeline.base import files
-from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import common
@@ -48,7 +47,6 @@ def learning_curves(report: Report, path: Path, groups: Mapping[str, str], unit:
 
 
 def write_speed(
-    workspace: Workspace,
     report: Report,
     target: Path,
     settings: Mapping,

@@ -68,7 +68,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> 
         yardstick=settings["yardstick"],
     )
     panels = {dataset: (protocol, dataset) for dataset, protocol in protocols.items()}
-    experiment.write_speed(workspace, report, target, settings, panels, WRONG)
+    experiment.write_speed(report, target, settings, panels, WRONG)
 
 
 def score_table(report: Report, with_published: bool = False) -> pd.DataFrame:

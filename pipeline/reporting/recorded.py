@@ -46,7 +46,7 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
     parts = draw(workspace, accuracy, settings, report)
     files.write_table(accuracy / "table.csv", parts.table)
     report.write(accuracy / "README.md", experiment, **parts.words)
-    common_parts.write_speed(workspace, report, target, settings, parts.panels, parts.measure, parts.note)
+    common_parts.write_speed(report, target, settings, parts.panels, parts.measure, parts.note)
 
 
 def forces(workspace: Workspace, folder: Path, settings: Mapping, report: Report) -> Parts:

@@ -9,6 +9,7 @@ from scipy import stats
 
 from pipeline.base import files
 from pipeline.base.paths import Workspace
+from pipeline.base.processes import processor
 from pipeline.experiments import strain as strain_experiment
 from pipeline.reporting import experiment
 from pipeline.reporting.figures import common
@@ -16,7 +17,7 @@ from pipeline.reporting.figures import strain as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import plain
 from pipeline.scenes.strain import drift_at_samples
-from pipeline.scoring import kept
+from pipeline.scoring import kept, shards
 from pipeline.scoring.one_table import Results
 from pipeline.scoring.results import LOG, Estimate
 from pipeline.scoring.strain_results import STUDIES, read_latents, read_study
@@ -56,9 +57,18 @@ def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> 
     if ranks := rank_correlations(errors):
         figures.beyond_training(accuracy / "drift_beyond.png", errors)
     report.write(accuracy / "README.md", "strain", bases=bases, absent=absent, ranks=ranks, **yardsticks)
-    report.write(target / "speed" / "table1_times.md", "strain_times")
+    report.write(target / "speed" / "table1_times.md", "strain_times", machines=machines(report))
     panels = {plain(task): (task, task) for task in settings["protocols"]}
-    experiment.write_speed(workspace, report, target, settings, panels, ("error", "Error (mm)"), TRANSFER_COSTS)
+    experiment.write_speed(report, target, settings, panels, ("error", "Error (mm)"), TRANSFER_COSTS)
+
+
+def machines(report: Report) -> dict[str, str]:
+    """Return protocol -> the class of machine whose trainings the table of times is of, see `shards.read`."""
+    if report.of_look:
+        return dict.fromkeys(report.protocols, processor())
+    runs = shards.trainings(report.workspace)
+    runs = runs[runs["experiment"] == report.experiment]
+    return {protocol: shards.timed_on(runs[runs["protocol"] == protocol]) for protocol in report.protocols}
 
 
 def score_table(report: Report) -> pd.DataFrame:

@@ -35,7 +35,8 @@ class ShardSet(Block):
         "it looks into or starts from",
     )
     by_unit: Listed[Text] = Field(
-        default_factory=list, description="Protocols of recordings that are scored press by press, too"
+        default_factory=list,
+        description="Protocols of recordings that are scored press by press, too, under stress in blocks of presses",
     )
     variant: str = Field(default="", description="Variant of the rows, where another set has the same protocols")
     minutes: Count = Field(description="Of a `full` shard on two cores, about; the next shards are chosen by it")

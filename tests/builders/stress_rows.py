@@ -1,8 +1,10 @@
 """Write scores under stress as shards of the evidence have them, with made-up numbers."""
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pipeline.base import files
@@ -34,6 +36,31 @@ def rows(
     table = table.assign(experiment=experiment, protocol=place[0], condition=place[1], variant=variant, metric=metric)
     table = table.assign(unit=facts(experiment).output_unit, n=10, blocks="")
     return table.assign(budget=["" if model == "constant" else budget for model in table["model"]])[shards.STRESS]
+
+
+def by_blocks(
+    experiment: str,
+    place: tuple[str, str],
+    losses: Mapping[str, Callable[[float, int], Sequence[Sequence[float]]]],
+    tests: Mapping[str, Sequence[float]],
+    seeds: Sequence[int] = (0,),
+    count: int = 10,
+) -> pd.DataFrame:
+    """Return rows as `rows` with blocks of `count` each.
+
+    losses: model -> severity, seed -> person -> loss of each block.
+    """
+    square = facts(experiment).metric == "rmse"
+
+    def mean(severity, seed, curve):
+        value = np.mean([loss for person in curve(severity, seed) for loss in person])
+        return 1 - value if facts(experiment).metric == "accuracy" else np.sqrt(value) if square else value
+
+    curves = {model: functools.partial(mean, curve=curve) for model, curve in losses.items()}
+    table = rows(experiment, place, curves, tests, seeds)
+    persons = [losses[row.model](row.severity, row.seed) for row in table.itertuples()]
+    blocks = [" / ".join(" ".join(f"{loss:.4g}:{count}" for loss in one) for one in each) for each in persons]
+    return table.assign(blocks=blocks)
 
 
 def keep(workspace, name: str, stress: pd.DataFrame, results: pd.DataFrame | None = None) -> None:

@@ -75,6 +75,7 @@ def test_the_report_says_where_half_of_the_skill_is_lost(workspace, made, undraw
     assert row == ["LoMP", "2.00", "> 1", "> 1", "-2 [-2, -1.9]", "2 [1.9, 2]"]
     assert "Not usable clean (limit 5.00 kPa): Linear (9.00)." in text
     assert ["LoMP", "2.00", "5.06 [4.91, 5.21]"] in cells(text), "of other sensors the mean error"
+    assert "Intervals are over 3 arrays.\n" in text and "intervals are over arrays, where there are 3 of them:" in text
     assert "split press, budget full, 3 seeds" in text and "touch_press_double.png" in text
     found = pd.read_csv(workspace.reports / "stress.csv")
     assert list(found.columns[:8]) == "experiment model seed perturbation severity metric unit value".split()
@@ -115,7 +116,52 @@ def test_experiments_of_own_logs_are_not_told_of_by_the_evidence(workspace, made
 def test_two_seeds_have_no_interval_and_the_report_names_them(workspace, made, undrawn):
     kept(workspace, seeds=(0, 1))
     text = made[1]()
+    assert "There are no intervals, as the errors are of 2 arrays." in text and "Bands" not in text
     assert "2 seeds" in text and not re.search(r"\d \[", text.split("## Training")[0])
+
+
+RECORDED = {  # experiment -> protocol and condition, persons, and what is said of one start, and of three
+    "velostat_recorded": (("repetition", "all"), 1, "presses"),
+    "strain_recorded": (("within_day_xy", "day_1"), 1, "presses"),
+    "glove_recorded": (("grasp_pressure", "pressure"), 1, "grasps"),
+    "array_recorded": (("fold_0", "two"), 2, "frames of 2 persons"),
+}
+
+
+@pytest.mark.parametrize("starts", [1, 3])
+@pytest.mark.parametrize("experiment", RECORDED)
+def test_below_a_table_stands_what_its_intervals_are_over(experiment, starts, workspace, made, monkeypatch):
+    (place, persons, over), drawn = RECORDED[experiment], []
+    monkeypatch.setattr(figures, "small_multiples", lambda path, panels, *rest: drawn.extend(panels))
+    share, slopes = experiment == "glove_recorded", np.linspace(0.6, 1.4, 5)
+    losses = {
+        "constant": lambda at, seed: [[0.1 if share else 16.0] * 5] * persons,
+        "linear": lambda at, seed: [0.9 - 0.3 * at * slopes if share else 1 + 10 * at * slopes] * persons,
+    }
+    values, render = made
+    values["experiments"] = [experiment]
+    values["stress"][experiment]["usable"] = {place[0]: 9.0}
+    tests = {"noise": [0, 0.5, 1.0, 2.0], "jitter": [0, 0.5, 1.0, 2.0]}
+    rows = stress_rows.by_blocks(experiment, place, losses, tests, range(starts))
+    stress_rows.keep(workspace, f"{experiment}-0-full", rows)
+    text = render()
+    runs = "of 1 start" if starts == 1 else "the mean of 3 starts"
+    assert f"Intervals are over {over}; each error is {runs}.\n" in text
+    (row,) = (line for line in cells(text) if line[0] == "Linear")
+    assert all(re.fullmatch(r"[\d.]+ \[[\d.]+, [\d.]+\]", cell) for cell in row[2:]), row
+    read = pd.read_csv(workspace.reports / "stability" / "failures.csv")
+    assert set(read["over"]) == {over} and read.columns[-1] == "over"
+    bands = drawn[0].curves["linear"]
+    assert (bands.low[1:] < bands.mean[1:]).all() and (bands.mean[1:] < bands.high[1:]).all()
+    assert "Bands: 95 % intervals" in text and "cannot tell" not in text
+    rows.loc[rows["perturbation"] == "jitter", "blocks"] = ""
+    stress_rows.keep(workspace, f"{experiment}-0-full", rows)
+    words = [labels.perturbation(name)[0] for name in tests]
+    other = f"over {over} under {words[0]}, and over 3 starts under {words[1]}" if starts == 3 else f"over {over}"
+    assert f"Intervals are {other}; each error is {runs}.\n" in (text := render())
+    stress_rows.keep(workspace, f"{experiment}-0-full", rows.assign(blocks="").drop(columns="blocks"))
+    said = "There are no intervals, as the errors are of 1 start." if starts == 1 else "Intervals are over 3 starts."
+    assert said in (text := render()) and ("Bands: 95 %" in text) == (starts == 3)
 
 
 def test_a_test_of_one_severity_has_a_cell_and_no_panel(workspace, made, monkeypatch):

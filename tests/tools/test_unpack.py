@@ -105,6 +105,14 @@ def test_a_folder_as_run_left_it_is_taken(checkout, out, capsys):
         assert (checkout.root / "evidence" / name).read_bytes() == (out / name).read_bytes(), name
 
 
+def test_scores_under_stress_of_an_older_computation_have_no_blocks_and_are_taken(checkout, out):
+    removed_column(STRESS, "blocks")(out)
+    index_kept(out, SHARD)
+    unpack.main(checkout, argparse.Namespace(folder=out))
+    assert (checkout.root / "evidence" / STRESS).read_bytes() == (out / STRESS).read_bytes()
+    assert shards.stress(checkout)["blocks"].eq("").all() and len(shards.stress(checkout)) == 1
+
+
 Change = Callable[[Path], object]
 
 
