@@ -19,9 +19,9 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.rules import CONTRADICTED, OFF
 from pipeline.commands import coverage
+from pipeline.reporting import array, recorded, speed, stability, studies
 from pipeline.reporting import claims as claims_report
 from pipeline.reporting import experiment as experiment_report
-from pipeline.reporting import array, recorded, speed, stability, studies
 from pipeline.reporting.page import sections
 from pipeline.reporting.words.labels import FRONTS, SPREAD
 from pipeline.scoring import one_table, results
