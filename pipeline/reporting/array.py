@@ -133,8 +133,12 @@ def pooled(
 
 def ratio(report: Report, protocols: Sequence[str], variant: str, main: Sequence[str], *place: str) -> Estimate:
     """Return a pooled error over that of the main folds, paired by draw; place: condition and model."""
-    one, over = found(report, protocols, *place, MAIN, variant)[0], found(report, main, *place, MAIN, "")[0]
-    return NOTHING if one.empty or over.empty else rules.interval(one / over)
+    one, runs = found(report, protocols, *place, MAIN, variant)
+    over, others = found(report, main, *place, MAIN, "")
+    if one.empty or over.empty:
+        return NOTHING
+    good = np.isfinite(np.concatenate([*runs, *others]))
+    return rules.interval(one / over)._replace(runs=int(good.sum()), failed=int((~good).sum()))
 
 
 def pooled_scores(report: Report, groups: Mapping[str, Sequence[str]], main: str, names: Iterable[str]) -> pd.DataFrame:

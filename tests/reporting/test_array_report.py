@@ -149,6 +149,7 @@ def test_variants_and_more_contacts_stand_over_the_main_table_draw_by_draw(shown
         for folds in (["two_too_0", "two_too_1"], FOLDS)
     ]
     assert two["LoMP"][-1].startswith(f"{(draws[0] / draws[1]).mean():.2f} [")
+    assert two["CNN"][-1].startswith("failed (4 of 12 runs); others 1.00 [")
     assert "Not computed: VGG-16 on fold 0, fold 1, variant `coarser`." in text and section(
         text, "`coarser`"
     ).strip().endswith("Not computed.")
