@@ -6,8 +6,9 @@ truth, and of READING readings that no model was asked about. The columns by kin
 
 * windows: `window`, a row of the dataset, and what of it is known, on the rows of LABEL alone. Of a prediction the
   largest value, the mean absolute and the mean squared error over its cells, of few windows the largest value in the
-  element under each of two touches, and the whole map in half precision: 0.13 kPa off at 256 to 433 kPa. A row of
-  window WHOLE has the mean squared error over the whole test part of a condition.
+  element under each of two touches, and the whole map in half precision: 0.13 kPa off at 256 to 433 kPa. Of frames
+  without a force readings, too, are of those with maps alone. A row of window WHOLE has the mean squared error over the
+  whole test part of a condition.
 * series: `window`, a row of the dataset, its time since the test part began, its readings (of LABEL) and its places;
   of presses that are known, the means over the second half of a press. A row of window WHOLE has the mean error in a
   tenth of the test part of a condition.
@@ -39,7 +40,8 @@ LARGEST = 300_000  # bytes of a shard's file
 PEAKS = 60  # windows of figure 4 of LoMP
 PRESSES = 4  # of its figure 6
 SPREAD = 400  # windows of a condition, evenly, of its figure 7
-MAPPED = 4  # maps of a condition, evenly, of recorded frames without a force
+FRAMES = 300  # of a condition, evenly, of recordings without a force: 260 kB of 12 models
+MAPPED = 4  # of these with maps, evenly
 POINTS = 1200  # frames of its figure 5
 LEAST_FRAMES = 3  # at a place of figure 5: fewer are the CNC on its way
 COURSE_S = 15.0  # of a recording of one element, around its largest force
@@ -181,7 +183,7 @@ def _windows(workspace: Workspace, experiment: str, settings: Mapping) -> Iterat
         place = {"protocol": protocol, "seed": FIRST}
         described = {"condition": schemas.names(shown["condition"]), "recording": schemas.names(shown["recording"])}
         described |= {"press": shown["press"].to_numpy(), "t_s": shown["t_s"].to_numpy()}
-        read = reading if pressed else [row if keep else [] for row, keep in zip(reading, mapped, strict=True)]
+        read = reading if pressed or alone else [row if keep else [] for row, keep in zip(reading, mapped, strict=True)]
         lists = {"counts": read} | ({} if alone else {"x_mm": x, "y_mm": y})
         lists |= {"force_n": schemas.matrix(shown["force_n"])} if pressed and not alone else {}
         cells = None if alone else _touched(x[:, :2], y[:, :2], settings["sensor"], label)
@@ -232,14 +234,14 @@ def _courses(whole: pa.Table) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _frames_of_conditions(whole: pa.Table) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return SPREAD windows of each condition, evenly, and where MAPPED of them have maps; as `_chosen`.
+    """Return FRAMES windows of each condition, evenly, and where MAPPED of them have maps; as `_chosen`.
 
     For frames without a measured force, of which none is pressed hardest.
     """
     condition = schemas.names(whole["condition"])
     each = [np.flatnonzero(condition == name) for name in np.unique(condition)]
-    chosen = np.concatenate([*(_spread(rows, SPREAD) for rows in each), np.zeros(0, int)]).astype(int)
-    mapped = np.concatenate([*(_spread(_spread(rows, SPREAD), MAPPED) for rows in each), np.zeros(0, int)])
+    chosen = np.concatenate([*(_spread(rows, FRAMES) for rows in each), np.zeros(0, int)]).astype(int)
+    mapped = np.concatenate([*(_spread(_spread(rows, FRAMES), MAPPED) for rows in each), np.zeros(0, int)])
     order = np.argsort(chosen)
     return chosen[order], np.zeros(len(chosen), bool), np.isin(chosen[order], mapped)
 

@@ -38,6 +38,7 @@ MODELS = {
     "velostat_recorded": {"constant": {}, "linear": {}, "rnn": TRAINING},
     "strain": {"constant": {}, "ridge": {}, "lstm_direct": TRAINING, "lstm_transfer": {}, "lstm_transfer_ridge": {}},
     "strain_recorded": {"constant": {}, "press_difference": {}, "lstm_direct": TRAINING, "lstm_highpass": TRAINING},
+    "array_recorded": {"constant": {}, "linear": {}, "linear_array": {}, "cnn": TRAINING, "lomp": TRAINING},
     "glove": {"constant": {}, "naive_bayes": {}, "tree": {}} | dict.fromkeys(NETWORKS, TRAINING),
 }
 MODELS["glove_recorded"] = MODELS["glove"]
@@ -62,6 +63,9 @@ def settings_of(experiment: str) -> dict:
         block["yardstick"] = block["yardstick"] | {"model": "rnn", "protocol": "press", "published": 0.25}
     elif experiment == "velostat_recorded":
         block["protocols"] = dict.fromkeys(("repetition", "tip_force_5", "tip_force_10"), all_)
+    elif experiment == "array_recorded":
+        block |= {"sensor": SENSOR | {"pitch_mm": 9.6}, "label": {"map_rows": 12, "map_cols": 12}}
+        block["protocols"] = dict.fromkeys(("fold_0", "fold_1", "two_too_0", "two_too_1"), all_)
     elif experiment == "strain":
         block["protocols"] = dict.fromkeys(("task_1", "task_2", "task_0"), all_)
     elif experiment == "strain_recorded":
@@ -233,6 +237,38 @@ def velostat_recorded(workspace, settings: dict) -> tuple:
     return pa.table(columns), part, force, lambda p: pooled if p == "repetition" else {p: ["rmse", "r2"]}
 
 
+def array_recorded(workspace, settings: dict) -> tuple:
+    """Return the dataset of four persons, 12 frames of one, two and three contacts each, its parts, truth, metrics.
+
+    A contact is 3 x 3 cells; the last two persons test.
+    """
+    rng, names, each = np.random.default_rng(3), ("one", "two", "three"), 12
+    person = np.repeat([f"P{k:02d}" for k in range(1, 5)], each * len(names))
+    contacts = np.tile(np.repeat(np.arange(len(names)), each), 4) + 1
+    side, pitch = settings["label"]["map_rows"], settings["sensor"]["pitch_mm"] * 3 / settings["label"]["map_rows"]
+    truth, x, y = np.zeros((len(person), side, side)), *np.full((2, len(person), 3), np.nan)
+    for row, number in enumerate(contacts):
+        for k, place in enumerate(rng.permutation(9)[:number]):
+            down, along = 4 * (place // 3), 4 * (place % 3)
+            truth[row, down : down + 3, along : along + 3] = rng.uniform(60, 100)
+            x[row, k], y[row, k] = (along + 1.5) * pitch, (down + 1.5) * pitch
+    readings = truth.reshape(-1, 3, side // 3, 3, side // 3).mean(axis=(2, 4)).reshape(len(person), 9) * 5
+    columns = {
+        "condition": pa.array([names[k - 1] for k in contacts]).dictionary_encode(),
+        "recording": pa.array([f"{name}/1" for name in person]).dictionary_encode(),
+        "person": pa.array(person.tolist()).dictionary_encode(),
+        "contacts": pa.array(contacts.astype(np.int8)),
+        "press": pa.array(np.arange(len(person), dtype=np.int32)),
+        "t_s": pa.array(np.arange(len(person), dtype=float)),
+        "x": schemas.lists(readings, pa.float32()),
+        **{name: schemas.lists(values, pa.float32()) for name, values in (("x_mm", x), ("y_mm", y))},
+        "y": schemas.lists(truth.reshape(len(person), -1), pa.float32()),
+    }
+    part = np.where(person > "P02", "test", np.where(contacts > 1, "unused", "train"))
+    metrics = ["rmse", "r2", "touches_found", "sum_ratio", "away_rmse"]
+    return pa.table(columns), part, truth.reshape(len(person), -1), lambda protocol: dict.fromkeys(names, metrics)
+
+
 def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
     """Write the studies; return the dataset of 80 samples, its parts, truth, metrics."""
     rng, n, recorded = np.random.default_rng(2), 80, experiment == "strain_recorded"
@@ -308,7 +344,9 @@ def glove(workspace, settings: dict, experiment: str = "glove") -> tuple:
             (name, s, "accuracy", "1", v + 0.01 * s, 9) for name, v in (("all", 0.9), ("still", 0.8)) for s in (0, 1)
         ]
         header = ["input", "seed", "metric", "unit", "value", "n"]
-        pd.DataFrame(rows, columns=header).to_csv(workspace.probe("glove_recorded"), index=False)
+        path = shards.study_file(workspace, "glove_recorded", "joint_angles", 0)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        pd.DataFrame(rows, columns=header).to_csv(path, index=False)
         return *made, metrics
     n = len(OBJECTS) * 4
     frames = pa.table(
@@ -389,6 +427,7 @@ def by_frames(levels: dict, first: int = 2, form: str = "trained") -> pd.DataFra
 DATA = {
     "touch": touch,
     "velostat_recorded": velostat_recorded,
+    "array_recorded": array_recorded,
     "strain": strain,
     "strain_recorded": lambda workspace, settings: strain(workspace, settings, "strain_recorded"),
     "glove": glove,
