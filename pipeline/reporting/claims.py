@@ -78,13 +78,19 @@ def count_rows(workspace: Workspace, claims: pd.DataFrame, by: Sequence[str]) ->
 
 
 def tables_of(workspace: Workspace, experiment: str, results: Results) -> Callable[..., str]:
-    """Return what gives the table of claims on an experiment by their names, the last parts of their ids."""
+    """Return what gives the table of claims on an experiment by their names, the last parts of their ids.
+
+    Without a name it is of all claims whose results are the experiment's own, and empty where there is none.
+    """
     listed, papers = entries.read(workspace)
     of = {name: (paper.simulated, *paper.recorded) for name, paper in papers.items()}
     claims = {claim.id.split("/")[1]: claim for claim in listed if experiment in of[claim.paper]}
 
     def judged(*names: str) -> str:
-        rows = judge.table([claims[name] for name in names if name in claims], results)
+        chosen = [claims[name] for name in names if name in claims]
+        if not names and not (chosen := [claim for claim in listed if claim.experiment == experiment]):
+            return ""
+        rows = judge.table(chosen, results)
         return table(["Claim", "Paper", "Ours", "Verdict", "Reason"], [short_row(row) for row in rows.itertuples()])
 
     return judged

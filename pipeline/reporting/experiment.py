@@ -7,6 +7,9 @@ block; look: whether it is of what was computed here, in place of the evidence. 
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
 
 from pipeline.base import files
 from pipeline.base.paths import Workspace
@@ -17,6 +20,16 @@ from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.report import BUDGETS, Report
 from pipeline.reporting.words.labels import experiment_name
 from pipeline.scoring.published import PRINTED
+
+
+class Parts(NamedTuple):
+    """What a report of recordings has, beside its pictures."""
+
+    table: pd.DataFrame  # of table.csv
+    panels: Mapping[str, tuple[str, str]]  # of the speed: heading -> protocol and condition
+    measure: tuple[str, str]  # of the speed: metric and its name
+    words: Mapping  # further values of the template
+    note: str = ""  # more text of the speed
 
 
 def learning_curves(report: Report, path: Path, groups: Mapping[str, str], unit: str) -> None:

@@ -4,17 +4,16 @@ import re
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from pipeline import experiments
 from pipeline.base import files
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images
+from pipeline.reporting import array, glove, strain
 from pipeline.reporting import experiment as common_parts
-from pipeline.reporting import glove, strain
+from pipeline.reporting.experiment import Parts
 from pipeline.reporting.figures import common
 from pipeline.reporting.glove import draw_confusions
 from pipeline.reporting.report import Report
@@ -35,23 +34,15 @@ MEASURES = {  # of a task: heading -> metric
 DATASETS = {"pressure": "pressure", "strain": "joint angles", "combined": "combined"}
 
 
-class Parts(NamedTuple):
-    """What a report has, beside its pictures."""
-
-    table: pd.DataFrame  # of table.csv
-    panels: Mapping[str, tuple[str, str]]  # of the speed: heading -> protocol and condition
-    measure: tuple[str, str]  # of the speed: metric and its name
-    words: Mapping  # further values of the template
-    note: str = ""  # more text of the speed
-
-
 def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping, look: bool) -> None:
     """Write the report of recordings into `accuracy` and `speed` of `target`, see pipeline/reporting/experiment.py.
 
     experiment, settings: its name and its block; the template has the same name.
     """
     accuracy, report = target / "accuracy", Report(workspace, experiment, settings, look)
-    draw = {"windows": forces, "series": places, "images": confusions}[experiments.module(experiment).KIND]
+    of_kind = {"windows": forces, "series": places, "images": confusions}
+    of_persons = experiments.facts(experiment).subject
+    draw = array.contacts if of_persons else of_kind[experiments.module(experiment).KIND]
     parts = draw(workspace, accuracy, settings, report)
     files.write_table(accuracy / "table.csv", parts.table)
     report.write(accuracy / "README.md", experiment, **parts.words)

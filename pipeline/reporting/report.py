@@ -51,15 +51,15 @@ class Report:
             if self.simulated and (shards.folder(workspace) / "shards.yaml").exists()
             else {}
         )
-        self._variants = {name for name, each in sets.items() if each.variant}
+        self.varied = {each.variant: each for each in sets.values() if each.variant and each.experiment == experiment}
         of_experiment = [each.variants for each in sets.values() if each.experiment == experiment]
         self.variants = {name: one for each in of_experiment for name, one in each.items()}
-        self._of_tables = {
+        self.of_tables = {
             name: each
             for name, each in sets.items()
             if each.experiment == experiment and not (each.variant or shards.study(each))
         }
-        self._sets = {protocol: each for each in self._of_tables.values() for protocol in each.protocols}
+        self._sets = {protocol: each for each in self.of_tables.values() for protocol in each.protocols}
         paper = facts(experiment).paper if self.simulated else None
         rows = published.table(paper.key if paper else "").itertuples()
         self._printed = {(row.condition, row.model, row.variant, row.metric): (row.value, row.step) for row in rows}
@@ -120,7 +120,7 @@ class Report:
     def undrawn(self) -> str:
         """Say which command computes the predictions that figures show, where shards have not kept them; or nothing."""
         index, lost = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX), []
-        for name, each in self._of_tables.items():
+        for name, each in self.of_tables.items():
             for protocol in set(each.protocols) & set(facts(self.experiment).drawn):
                 shard = shards.Shard(name, kept.FIRST, self.results.shown(self.experiment, protocol)).name
                 if shard in set(index["shard"]) and not shards.kept_file(self.workspace, shard).exists():
@@ -159,7 +159,7 @@ class Report:
             none = pd.DataFrame(columns=[*CURVE, "budget"], dtype=float)
             return pd.concat([run[[*CURVE, "budget"]] for run in runs if len(run) > 1] or [none])
         index = shards.table(shards.folder(self.workspace) / "index.csv", shards.INDEX)
-        index = index[index["shard"].str.rsplit("-", n=2).str[0].isin(self._of_tables)]
+        index = index[index["shard"].str.rsplit("-", n=2).str[0].isin(self.of_tables)]
         rows = shown.curves(self.workspace, index["shard"]).merge(index[["shard", "budget"]], on="shard")
         rows = rows[rows["protocol"].isin(list(protocols)) & rows["model"].isin(self.models)]
         return rows[[*CURVE, "budget"]]

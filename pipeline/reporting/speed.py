@@ -160,8 +160,9 @@ def speed_text(speeds: pd.DataFrame, note: str) -> str:
         rows.append([*row, *(fronts(by_panel, column) for column in FRONTS.values())])
     training = [f"Training, {plain(name)} (s)" for name in protocols] if len(protocols) > 1 else ["Training (s)"]
     header = ["Model", *(f"{panel}: {measure}" for panel in panels)]
-    header += [f"Median of batch {batch} [of rounds] (ms)", "95th percentile (ms)"]
-    header += [f"Predictions per second, batch {large}", *training, "Trained parameters", "Multiply-accumulates"]
+    of, at = (f" of batch {batch}", f", batch {large}") if batch else ("", "")
+    header += [f"Median{of} [of rounds] (ms)", "95th percentile (ms)"]
+    header += [f"Predictions per second{at}", *training, "Trained parameters", "Multiply-accumulates"]
     header += ["File (bytes)", "On the front of time", "On the front of training time"]
     said = {name: times.one_machine(speeds[name], TIMES[time]) for time, name in MACHINES.items()}
     said |= {"threads": threads, "calls": calls, "budgets": " and ".join(filter(None, dict.fromkeys(speeds["budget"])))}

@@ -50,6 +50,8 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Se
         for seed in settings["protocols"][protocol]["seeds"]:
             for model in settings["models"]:
                 predicted = read_predictions(workspace, experiment, model, protocol, seed, table)
+                if not np.isfinite(predicted).any():  # a failed run
+                    continue
                 wrong = losses(facts.metric, truth, predicted)
                 known = np.isfinite(wrong) & (unit >= 0)
                 shares = {facts.metric: (wrong[known], np.ones(known.sum()))}

@@ -16,11 +16,14 @@ from pipeline.base import params
 from pipeline.base.files import sha256, write_table
 from pipeline.base.params import load
 from pipeline.datasets import images, labels, schemas
+from pipeline.experiments import array_recorded as array
+from pipeline.reporting.figures import array as array_figures
 from pipeline.reporting.figures import common, speed
 from pipeline.reporting.figures import glove as glove_figures
 from pipeline.reporting.figures import strain as strain_figures
 from pipeline.reporting.figures import touch as touch_figures
 from pipeline.scoring import claim_inputs, kept, one_table, shards
+from pipeline.scoring import units as by_unit
 from pipeline.scoring.results import R2, SHARE, scale_of
 from pipeline.stages import render
 
@@ -89,18 +92,20 @@ def made_score(settings: dict, model: str, seed: int, metric: str, condition: st
 
 def write(workspace, experiment: str, settings: dict, failed: str = "") -> None:
     """Write all files of an experiment that its report reads; failed: a model whose runs of seed 0 failed."""
-    data, part, truth, metrics = DATA[experiment](workspace, settings)
+    data, part_of, truth, metrics = DATA[experiment](workspace, settings)
+    part_of = part_of if callable(part_of) else lambda protocol, part=part_of: part
     runs = [(name, seed) for name, block in settings["protocols"].items() for seed in block["seeds"]]
     for protocol, seed in runs:
-        column = pa.array(part.tolist()).dictionary_encode()
+        column = pa.array(part_of(protocol).tolist()).dictionary_encode()
         data = data.append_column(schemas.split_column(protocol, seed), column)
     schemas.write(workspace.dataset(experiment), data.schema, [data])
-    test, scores, speed, rng = np.flatnonzero(part == "test"), [], [], np.random.default_rng(0)
+    scores, speed, rng = [], [], np.random.default_rng(0)
     for path in (workspace.latency(experiment), workspace.training_times(experiment, "any")):
         path.parent.mkdir(exist_ok=True)
     for place, (model, block) in enumerate(settings["models"].items()):
         parts = []
         for protocol, seed in runs:
+            test = np.flatnonzero(part_of(protocol) == "test")
             predicted = truth[test] * (0.5 + 0.05 * place) + 0.1 * rng.uniform(size=truth[test].shape)
             lost = model == failed and seed == 0
             predicted[:] = np.nan if lost else predicted
@@ -135,6 +140,9 @@ def write_evidence(workspace, experiment: str, settings: dict) -> None:
     folder, files = shards.folder(workspace), one_table.of_experiment(workspace, experiment)
     rows = one_table.read({name: files[name] for name in ("scores", "claim_inputs")})
     rows = rows[rows["metric"] != "train_s"].fillna({"budget": ""}).replace({"budget": {"look": "full"}})
+    if experiments.facts(experiment).subject:
+        of_units = pd.DataFrame(by_unit.rows(workspace, experiment, settings, list(settings["protocols"])))
+        rows = pd.concat([rows, of_units.assign(budget="full")])
     write_table(shards.result_file(workspace, MADE), rows[claim_inputs.COLUMNS].astype({"seed": "Int64"}), "nan")
     curves, times = [], []
     for place_of, (model, block) in enumerate(settings["models"].items()):
@@ -240,7 +248,7 @@ def velostat_recorded(workspace, settings: dict) -> tuple:
 def array_recorded(workspace, settings: dict) -> tuple:
     """Return the dataset of four persons, 12 frames of one, two and three contacts each, its parts, truth, metrics.
 
-    A contact is 3 x 3 cells; the last two persons test.
+    A contact is 3 x 3 cells.
     """
     rng, names, each = np.random.default_rng(3), ("one", "two", "three"), 12
     person = np.repeat([f"P{k:02d}" for k in range(1, 5)], each * len(names))
@@ -264,9 +272,9 @@ def array_recorded(workspace, settings: dict) -> tuple:
         **{name: schemas.lists(values, pa.float32()) for name, values in (("x_mm", x), ("y_mm", y))},
         "y": schemas.lists(truth.reshape(len(person), -1), pa.float32()),
     }
-    part = np.where(person > "P02", "test", np.where(contacts > 1, "unused", "train"))
-    metrics = ["rmse", "r2", "touches_found", "sum_ratio", "away_rmse"]
-    return pa.table(columns), part, truth.reshape(len(person), -1), lambda protocol: dict.fromkeys(names, metrics)
+    table, metrics = pa.table(columns), ["rmse", "r2", "touches_found", "sum_ratio", "away_rmse"]
+    part_of, scored = (lambda protocol: array.split(table, settings, protocol, 0)), dict.fromkeys(names, metrics)
+    return table, part_of, truth.reshape(len(person), -1), lambda protocol: scored
 
 
 def strain(workspace, settings: dict, experiment: str = "strain") -> tuple:
@@ -437,7 +445,7 @@ DATA = {
 
 def unplot(patch) -> None:
     """Have files of figures made, and no figures."""
-    for module in (common, glove_figures, speed, strain_figures, touch_figures):
+    for module in (common, array_figures, glove_figures, speed, strain_figures, touch_figures):
         for name, function in list(vars(module).items()):
             own = getattr(function, "__module__", "") == module.__name__
             if own and "path" in getattr(function, "__annotations__", {}):

@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import subprocess
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -18,9 +19,9 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.rules import CONTRADICTED, OFF
 from pipeline.commands import coverage
+from pipeline.reporting import array, recorded, speed, stability, studies
 from pipeline.reporting import claims as claims_report
 from pipeline.reporting import experiment as experiment_report
-from pipeline.reporting import recorded, speed, stability, studies
 from pipeline.reporting.page import sections
 from pipeline.reporting.words.labels import FRONTS, SPREAD
 from pipeline.scoring import one_table, results
@@ -128,8 +129,7 @@ def laid_out(workspace, monkeypatch):
             (target / part).mkdir(parents=True)
             for figure in (REPORTS / experiment / part).glob("*.png"):
                 (target / part / figure.name).touch()
-        module = render.SIMULATED.get(experiment, recorded)
-        for name in ("read_latents", *DRAWN):
+        for module, name in product([render.SIMULATED.get(experiment, recorded), array], ("read_latents", *DRAWN)):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, lambda *given, **named: ())
         monkeypatch.setattr(experiment_report, "learning_curves", lambda *given: None)

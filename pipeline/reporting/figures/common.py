@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.patches import Patch
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import MEASURED, model_style
@@ -18,6 +19,7 @@ from pipeline.scoring.claim_inputs import HALF
 COLOURS = (style.BLUE, style.VERMILION, style.BLACK)  # of groups of runs
 GAP = 3.0  # median intervals; no line is drawn over a longer one
 LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
+LEAST_SQUARE = 1e-6  # squared error on a logarithmic axis
 MARGIN = 0.3  # of the range of true values, by which predicted ones may leave it in a cloud of points
 
 
@@ -146,6 +148,46 @@ def bars(
     bars_drawn, labels = axes[0][0].get_legend_handles_labels()
     legend_below(figure, dict(zip(labels, bars_drawn, strict=True)), 3)
     figure.suptitle(title)
+    style.save(figure, path)
+
+
+def boxes(
+    path: Path,
+    errors: Mapping[str, Mapping[str, np.ndarray]],
+    title: str,
+    caption: str,
+    xlabel: str,
+    things: str,
+) -> None:
+    """Draw how errors spread on a logarithmic axis, a row a model, a box a group; a later group is of a fuller colour.
+
+    errors: model -> group -> (n,), the same groups of every model; things: what the n are, in the plural. The title
+    says what a box shows.
+    """
+    groups = {group: len(values) for group, values in next(iter(errors.values())).items() if len(values)}
+    figure, ax = plt.subplots(figsize=(8, 0.31 * max(2, len(groups)) * len(errors) + 1.6))
+    step, shares = 0.72 / max(2, len(groups)), dict(zip(groups, np.linspace(0, 1, len(groups)), strict=True))
+    for k, (model, of_model) in enumerate(errors.items()):
+        for place, group in enumerate(groups):
+            values = of_model[group][np.isfinite(of_model[group])]
+            values = np.maximum(values, LEAST_SQUARE)  # an exact prediction has no place on this axis
+            if not len(values):
+                ax.text(0.5, k, "failed", transform=ax.get_yaxis_transform(), ha="center", va="center")
+                continue
+            colour = model_style(model).color
+            look = {"orientation": "horizontal", "medianprops": {"color": style.BLACK, "linewidth": 1.6}}
+            look |= {"widths": step / 1.2, "whis": (5, 95), "showfliers": False, "patch_artist": True}
+            drawn = ax.boxplot(values, positions=[k + step * (place - (len(groups) - 1) / 2)], **look)
+            drawn["boxes"][0].set(facecolor=style.mixed(colour, shares[group]), edgecolor=colour, linewidth=1.5)
+    ax.set_yticks(range(len(errors)), [model_name(model) for model in errors])
+    ax.invert_yaxis()
+    read = f"(line: median, box: quartiles, whiskers: 5 % to 95 % of {things})"
+    ax.set(xscale="log", xlabel=xlabel, title=style.literal(f"{title}\n{read}\n{caption}"))
+    handles = {}
+    for group, count in groups.items():
+        face, edge = style.mixed(style.GREY, shares[group]), style.GREY if shares[group] < 1 else None
+        handles[f"{group}, {count} {things}"] = Patch(facecolor=face, edgecolor=edge)
+    legend_below(figure, handles, len(handles))
     style.save(figure, path)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import matplotlib
 import matplotlib.pyplot as plt
+from matplotlib.colors import to_rgb
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
 from pipeline.base import files
@@ -86,6 +87,11 @@ def model_style(model: str) -> Style:
     place = zlib.crc32(model.encode())
     colours = (BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE)
     return Style(model_name(model), colours[place % len(colours)], "Xd>8p"[place // 7 % 5], (0, (2, 1)))
+
+
+def mixed(colour: str, share: float) -> tuple[float, ...]:
+    """Return a share of a colour mixed with white."""
+    return tuple(float(1 - share * (1 - part)) for part in to_rgb(colour))
 
 
 def literal(name: str) -> str:

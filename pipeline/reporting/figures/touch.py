@@ -8,10 +8,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from pipeline.datasets import labels
-from pipeline.reporting.figures import style
+from pipeline.reporting.figures import common, style
 from pipeline.reporting.figures.style import MEASURED, model_style
 from pipeline.reporting.words.labels import model_name
 from pipeline.scenes import material
@@ -217,40 +216,19 @@ def error_distribution(path: Path, windows: Windows, maps: Mapping[str, pd.DataF
 
     maps: see `windows_of`; caption: what they are of.
     """
-    maps = {model: rows for model, rows in maps.items() if model != kept.LABEL}
-    conditions = [name for name in (kept.SOME, kept.SEVERAL) if (windows.condition == name).any()]
+    names = {kept.SOME: "single touch (test presses)", kept.SEVERAL: "double touch"}
+    conditions = [name for name in names if (windows.condition == name).any()]
     added = " and when a second touch is added" if kept.SEVERAL in conditions else ""
-    seen = {name: int((windows.pressed & (windows.condition == name)).sum()) for name in conditions}
-    figure, ax = plt.subplots(figsize=(8, 0.62 * len(maps) + 1.6))
-    for k, (model, predicted) in enumerate(maps.items()):
-        for condition in conditions:
-            rows = windows.pressed & (windows.condition == condition)
-            mse = predicted["mean_square"].to_numpy(float)[rows]
-            mse = np.maximum(mse[np.isfinite(mse)], 1e-6)  # an exact prediction has no place on this axis
-            if not len(mse):
-                ax.text(0.5, k, "failed", transform=ax.get_yaxis_transform(), ha="center", va="center")
-                continue
-            double, colour = condition == kept.SEVERAL, model_style(model).color
-            look = {"orientation": "horizontal", "medianprops": {"color": style.BLACK, "linewidth": 1.6}}
-            look |= {"widths": 0.3, "whis": (5, 95), "showfliers": False, "patch_artist": True}
-            boxes = ax.boxplot(mse, positions=[k + (0.18 if double else -0.18)], **look)
-            boxes["boxes"][0].set(facecolor=colour if double else "white", edgecolor=colour, linewidth=1.5)
-    ax.set_yticks(range(len(maps)), [model_name(model) for model in maps])
-    ax.invert_yaxis()
-    ax.set(
-        xscale="log",
-        xlabel="Mean squared error of a window in contact (kPa², lower is better)",
-        title=f"Figure 7: error with one touch{added}\n"
-        f"(line: median, box: quartiles, whiskers: 5 % to 95 % of windows)\n{style.literal(caption)}",
-    )
-    looks = {
-        kept.SOME: (Patch(facecolor="white", edgecolor=style.GREY), "single touch (test presses)"),
-        kept.SEVERAL: (Patch(facecolor=style.GREY), "double touch"),
+    errors = {
+        model: {
+            names[name]: rows["mean_square"].to_numpy(float)[windows.pressed & (windows.condition == name)]
+            for name in conditions
+        }
+        for model, rows in maps.items()
+        if model != kept.LABEL
     }
-    handles, names = zip(*(looks[condition] for condition in conditions), strict=True)
-    names = [f"{name}, {count} windows" for name, count in zip(names, seen.values(), strict=True)]
-    figure.legend(handles, names, loc="outside lower center", ncols=len(conditions))
-    style.save(figure, path)
+    xlabel = "Mean squared error of a window in contact (kPa², lower is better)"
+    common.boxes(path, errors, f"Figure 7: error with one touch{added}", caption, xlabel, "windows")
 
 
 def _failure(values: np.ndarray) -> str:

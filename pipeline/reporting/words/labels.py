@@ -42,6 +42,7 @@ LABELS = {
 
 MEASURES = {"rmse": "RMSE", "error": "Error", "accuracy": "Accuracy"}  # that models are compared by
 TASKS = {"single": "single touch", "double": "double touch"}  # condition -> what is tested; others are words already
+FOLDS = {"fold": "fitted to one contact", "two_too": "fitted to two contacts, too"}  # folds, without their number
 PERTURBATIONS = {  # stress test -> its name, and what it does
     "noise": ("noise", "white noise; standard deviation as share of the sensor's range"),
     "gain_drift": ("drift of gains", "each element's response scaled; standard deviation of the log of the factor"),

@@ -37,7 +37,7 @@ def number(value: float, digits: int = 2) -> str:
 def interval(estimate: Estimate, digits: int = 2) -> str:
     """Return `mean [low, high]`, or only the mean where there is no interval; a failure is said, never left out."""
     text = number(estimate.mean, digits)
-    if estimate.runs > 1 and not np.isnan(estimate.low):
+    if not np.isnan(estimate.low):
         text += f" [{number(estimate.low, digits)}, {number(estimate.high, digits)}]"
     if estimate.failed:
         total = estimate.runs + estimate.failed
