@@ -272,7 +272,7 @@ def test_a_model_is_made_from_what_dvc_watches_for_its_stage(experiment, entries
     assert "pipeline/learning/lomp_network.py" in train.code("touch", "lomp")
 
 
-OF_MODELS = "claim_inputs|kept|latency|models|predictions|probe|scores|speed|stress"
+OF_MODELS = "claim_inputs|kept|latency|models|predictions|scores|speed|stress"
 MEASURED_HERE = re.compile(rf"data/(?!own/|sources/)\w+/({OF_MODELS})|reports/look")
 OF_DATA = {"render_twins"}  # it compares scenes with recordings, and shows no model
 

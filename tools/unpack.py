@@ -29,7 +29,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import evidence
 from pipeline.datasets import schemas
-from pipeline.scoring import kept, shards
+from pipeline.scoring import kept, shards, units
 from pipeline.scoring.claim_inputs import COLUMNS, DATA
 from pipeline.scoring.shards import Shard
 from pipeline.settings.shards import ShardSet
@@ -44,6 +44,7 @@ SECONDS = r"\d{1,9}(\.\d{1,9})?"  # below 32 years
 DIGEST = r"[0-9a-f]{64}"
 FORMS = {  # of the columns of tables; a number may be missing, as of a training that failed
     "sha256": DIGEST, "data_sha256": f"({DIGEST})?", "kept_sha256": f"({DIGEST})?", "severity": NUMBER,
+    "blocks": units.WRITTEN,
     "commit": r"[0-9a-f]{40}", "core_s": r"\d{1,9}",
     "train_s": SECONDS, "epochs": COUNT, "epoch": COUNT, "seed": f"({COUNT})?", "n": f"({COUNT})?",
     "train_loss": f"({NUMBER})?", "validation_loss": f"({NUMBER})?", "value": f"({NUMBER}|nan)?",
@@ -102,17 +103,19 @@ def copied(folder: Path, name: Path | str, draft: Path) -> Path:
     return target
 
 
-def rows_of(copy: Path, shown: Path, columns: Sequence[str] | None) -> list[dict[str, str]]:
+def rows_of(
+    copy: Path, shown: Path, columns: Sequence[str] | None, older: Sequence[str] | None = None
+) -> list[dict[str, str]]:
     """Return the rows of a stranger's table as text, each of the form in FORMS or TEXT.
 
-    shown: the path that a message names; columns: those that it must have, None: any. Raises InputError that names the
-    line.
+    shown: the path that a message names; columns: those that it must have, None: any; older: or these. Raises
+    InputError that names the line.
     """
     with foreign.reading(shown, "a table of shards", COPY):
         lines = list(csv.reader(copy.read_text(encoding="utf-8").splitlines(), strict=True))
     header = lines[0] if lines else []
     wrong = len(set(header)) != len(header) or not all(re.fullmatch(TEXT, name, re.ASCII) for name in header)
-    if not header or wrong or (columns is not None and header != list(columns)):
+    if not header or wrong or (columns is not None and header not in (list(columns), older)):
         wanted = f"are not {','.join(columns)}" if columns else "are missing, doubled or no names"
         raise InputError(f"{shown}: its columns {wanted}; {COPY}")
     found = []
@@ -238,7 +241,7 @@ def check_kept(
             if odd := set(map(str, rows[name])) - values:
                 raise InputError(f"{folder / drawn}: {name} is {_quoted(min(odd))}, which it cannot be; {COPY}")
     if stress in copies:
-        rows = rows_of(copies[stress], folder / stress, shards.STRESS)
+        rows = rows_of(copies[stress], folder / stress, shards.STRESS, shards.STRESS[:-1])
         known |= {"experiment": {each.experiment}, "model": models, "budget": {"", shard.budget}}
         for name, values in known.items():
             only(folder / stress, rows, name, values)

@@ -131,10 +131,6 @@ class Workspace:
         """Return the files of the evidence that hold a table of a study, one a seed; none where none was computed."""
         return sorted((self.root / "evidence" / "studies" / experiment).glob(f"{table}-*.csv"))
 
-    def probe(self, experiment: str) -> Path:
-        """Return the scores of naming the object from recorded joint angles alone (output of joint_angles)."""
-        return self.experiment_folder(experiment) / "probe.csv"
-
     def claim_inputs(self, experiment: str) -> Path:
         """Return the numbers that claims need beside scores, times and counts (output of claim_inputs)."""
         return self.experiment_folder(experiment) / "claim_inputs.csv"

@@ -1,6 +1,7 @@
 """Read the claims of the papers: claims/*.yaml, one entry per sentence or printed number that can be true or false.
 
-A file names its paper and where the results of its claims are, on simulated and on recorded data. An entry has
+A file names its paper and where the results of its claims are: on simulated data, on recorded data, and on further
+recordings, each by a name of its own, all of which count as recorded data. An entry has
 
     id, text, source   its name, the sentence in our words, and where the paper says it
     <rule>             one of `rules.RULES` with an expression (`expressions`), or name -> expression where several
@@ -8,7 +9,9 @@ A file names its paper and where the results of its claims are, on simulated and
     each               axis -> values: the expression once for each combination of different ones, judged together
     name               what each of these is called in a reason
     published          the published value, where it is not the same expression over the paper's own tables
-    data, kind, unit, protocol, metric   where they are not those of the file
+    data, kind, unit, protocol, metric   where they are not those of the file; data: simulated, recorded or the name
+                       of further recordings; of several protocols, which test on different persons, one result
+    control            model -> another: with that in its place the claim must not come out
     over               what the interval is over, where that is not seeds
     measured           true where it rests on measured times, which differ between runs and machines
     tried              what was tried to find the reason, where the claim is not reproduced
@@ -20,7 +23,7 @@ value, `{axis.name}` its name; `{published}` is the published value. A value of 
 import inspect
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -39,8 +42,9 @@ CONSTRUCTION, CALIBRATION = "by construction", "calibration"
 KINDS = {"near": NUMBER, "measured_near": NUMBER, "equal": COUNT, "fewer": COUNT, "calibrated": CALIBRATION}  # by rule
 UNTESTABLE = "untestable"
 KEYS = {"id", "text", "source", "each", "name", "published", "data", "kind", "unit", "protocol", "metric"}
-KEYS |= {"over", "measured", "tried"}
-HEAD = {"paper", "title", "names", "simulated", "recorded", "claims", "lists"}
+KEYS |= {"over", "measured", "tried", "control"}
+SIMULATED, RECORDED = "simulated", "recorded"  # data
+HEAD = {"paper", "title", "names", SIMULATED, RECORDED, "further", "claims", "lists"}
 
 
 class Word(str):
@@ -54,8 +58,10 @@ class Source:
     experiment: str
     metric: str
     unit: str
-    protocol: object  # a name, or condition -> name
+    protocol: object  # a name, several that are one result, or condition -> name
     printed: str = ""  # the metric that the paper prints in place of it
+    conditions: Mapping[str, str] = field(default_factory=dict)  # condition -> the paper's, where it is another word
+    splits: Mapping[str, object] = field(default_factory=dict)  # in place of a variant -> the protocols it stands for
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,7 @@ class Claim:
     paper: str
     text: str
     section: str
-    data: str  # simulated or recorded
+    data: str  # SIMULATED or RECORDED
     kind: str
     unit: str
     experiment: str
@@ -75,6 +81,7 @@ class Claim:
     options: Mapping[str, object]
     metric: str
     protocol: object  # as of Source
+    splits: Mapping[str, object]  # as of Source
     published: float
     printed: Mapping[str, float]  # of each of `values`
     names: Mapping[str, str]  # of models, in sentences
@@ -82,6 +89,7 @@ class Claim:
     measured: bool = False
     reason: str = ""  # of an untestable claim
     tried: str = ""
+    control: Mapping[str, str] = field(default_factory=dict)  # model -> another
 
 
 @dataclass(frozen=True)
@@ -90,8 +98,17 @@ class Paper:
 
     key: str
     title: str
-    simulated: str  # experiment
-    recorded: str
+    sources: Mapping[str, Source]  # SIMULATED, RECORDED, and further recordings by name
+
+    @property
+    def simulated(self) -> str:
+        """Return the simulated experiment."""
+        return self.sources[SIMULATED].experiment
+
+    @property
+    def recorded(self) -> list[str]:
+        """Return the recorded experiments."""
+        return [source.experiment for name, source in self.sources.items() if name != SIMULATED]
 
 
 def files(workspace: Workspace) -> list[Path]:
@@ -118,9 +135,10 @@ def read(workspace: Workspace, sources: Sequence[Path] | None = None) -> tuple[l
                 raise InputError(f"key '{sorted(unknown)[0]}' is unknown")
             head = heads.setdefault(content["paper"], {})
             head |= {key: value for key, value in content.items() if key != "claims"}
-            experiments = [head[data]["experiment"] for data in ("simulated", "recorded")]
-            papers[content["paper"]] = Paper(content["paper"], head["title"], *experiments)
-            for claim in _claims(head, content["claims"]):
+            given = {SIMULATED: head[SIMULATED], RECORDED: head[RECORDED]} | head.get("further", {})
+            sources = {name: Source(**source) for name, source in given.items()}
+            papers[content["paper"]] = Paper(content["paper"], head["title"], sources)
+            for claim in _claims(head, sources, content["claims"]):
                 if claim.id in claims:
                     raise InputError(f"claim {claim.id}: stands there twice")
                 claims[claim.id] = claim
@@ -141,8 +159,8 @@ def _parsed(text: str) -> dict:
     return yaml.safe_load(text)
 
 
-def _claims(head: Mapping, entries: Sequence[Mapping]) -> Iterator[Claim]:
-    """Yield the claims of a file; head: its other keys."""
+def _claims(head: Mapping, sources: Mapping[str, Source], entries: Sequence[Mapping]) -> Iterator[Claim]:
+    """Yield the claims of a file; head: its other keys; sources: by data."""
     names, table = head.get("names", {}), published.table(head["paper"]).set_index(list(Result._fields))
     printed = {column: dict(zip(map(Result._make, table.index), table[column], strict=True)) for column in table}
     for entry in entries:
@@ -150,7 +168,7 @@ def _claims(head: Mapping, entries: Sequence[Mapping]) -> Iterator[Claim]:
         for words in _combinations(family["for"], names):
             for one in family["claims"]:
                 try:
-                    yield _claim(head, one, words, names, printed)
+                    yield _claim(head, sources, one, words, names, printed)
                 except KeyError as error:
                     problem = f"{error} is neither a key of the entry nor an axis of its family"
                     raise InputError(f"claim {one.get('id', one)}: {problem}") from error
@@ -179,7 +197,14 @@ def _word(value: object, words: object, names: Mapping[str, str]) -> object:
     return word
 
 
-def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, str], printed: Mapping) -> Claim:
+def _claim(
+    head: Mapping,
+    sources: Mapping[str, Source],
+    entry: Mapping,
+    words: Mapping,
+    names: Mapping[str, str],
+    printed: Mapping,
+) -> Claim:
     """Return the claim of an entry; words: axis of its family -> value; printed: the paper's tables, see `_claims`."""
     rules = [key for key in entry if key in RULES or key == UNTESTABLE]
     if len(rules) != 1:
@@ -194,13 +219,15 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         raise InputError(f"the rule `{rule}` needs '{needed[0]}'")
     if unknown := set(entry) - KEYS - {rule, *taken}:
         raise InputError(f"key '{sorted(unknown)[0]}' is unknown to the rule `{rule}`")
-    data = entry.get("data", "simulated").format_map(words)
-    source = Source(**head[data])
+    given = entry.get("data", SIMULATED).format_map(words)
+    source, data = sources[given], SIMULATED if given == SIMULATED else RECORDED
     metric = entry.get("metric", source.metric)
 
     def paper_says(expression: str, column: str = "value") -> float:
         def look_up(result: Result) -> float:
-            return printed[column].get(result._replace(metric=result.metric or source.printed or metric), np.nan)
+            condition = source.conditions.get(result.condition, result.condition)
+            result = result._replace(condition=condition, metric=result.metric or source.printed or metric)
+            return printed[column].get(result, np.nan)
 
         return float(evaluate(expression, look_up))
 
@@ -219,7 +246,7 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
     said = {**words, "published": value}
     text = {key: entry[key].format_map(said) for key in ("id", "text", "source")}
     return Claim(
-        id=f"{head['paper']}/{text['id']}" + ("/recorded" if data == "recorded" else ""),
+        id=f"{head['paper']}/{text['id']}" + (f"/{RECORDED}" if data == RECORDED else ""),
         paper=head["paper"],
         text=text["text"],
         section=text["source"],
@@ -232,6 +259,7 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         options=options,
         metric=metric,
         protocol=_filled(entry.get("protocol", source.protocol), words),
+        splits=source.splits,
         published=value,
         printed=on_paper,
         names=names,
@@ -239,6 +267,7 @@ def _claim(head: Mapping, entry: Mapping, words: Mapping, names: Mapping[str, st
         measured=entry.get("measured", False),
         reason=entry[rule].format_map(words) if rule == UNTESTABLE else "",
         tried=entry.get("tried", "").format_map(said),
+        control={one.format_map(words): other for one, other in entry.get("control", {}).items()},
     )
 
 
@@ -258,4 +287,6 @@ def _filled(protocol: object, words: Mapping) -> object:
     kept = {**words, "condition": "{condition}"}
     if isinstance(protocol, str):
         return protocol.format_map(kept)
+    if isinstance(protocol, Sequence):
+        return tuple(_filled(name, words) for name in protocol)
     return {condition: _filled(name, words) for condition, name in protocol.items()}

@@ -2,7 +2,8 @@
 
 A verdict is of a budget of training, `full`, and says so. Where half of it gives the opposite verdict the claim moves
 with training, and is undecided. A sentence is judged on the protocol in which nothing is on two sides, a printed number
-on the one that the paper used, as far as its text says.
+on the one that the paper used, as far as its text says. What comes out with its control, too, tells nothing, and is
+undecided.
 """
 
 from collections.abc import Iterable, Mapping
@@ -11,10 +12,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from pipeline.claims.entries import UNTESTABLE, Claim
+from pipeline.claims.entries import RECORDED, UNTESTABLE, Claim
 from pipeline.claims.evidence import Evidence
 from pipeline.claims.expressions import evaluate
 from pipeline.claims.rules import BAD, GOOD, OUTSIDE, RULES, UNDECIDED, Judgement, Open
+from pipeline.experiments import facts
 from pipeline.scoring.one_table import FULL, HALF, Results
 
 ANY = "any"  # budget of what no training changes
@@ -24,6 +26,21 @@ COLUMNS += ["verdict", "reason", "power", "seeds", "budget", "over", "measured"]
 
 def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
     """Return the verdict on a claim and its budget: `full`, or `half` where no more was run."""
+    found, budget = _judged(claim, results)
+    if found.verdict not in GOOD or not claim.control:
+        return found, budget
+    other, _ = _ruled(claim, results, FULL, claim.control)
+    names = [[claim.names.get(model, model) for model in side] for side in (claim.control.values(), claim.control)]
+    control = "with {} in place of {}".format(*(" and ".join(dict.fromkeys(side)) for side in names))
+    if other.runs and other.verdict not in GOOD:
+        reason = f"control: {control} it is {other.verdict} ({other.ours:.3g})"
+        return replace(found, reason="; ".join(filter(None, [found.reason, reason]))), budget
+    reason = f"it comes out {control}, too" if other.runs else f"its control, {control}, {other.reason}"
+    return replace(found, verdict=UNDECIDED, reason=reason), budget
+
+
+def _judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
+    """Return what `judged` does, without the control."""
     if claim.rule == UNTESTABLE:
         return Judgement(np.nan, np.nan, np.nan, OUTSIDE, claim.reason), ""
     full, trained = _ruled(claim, results, FULL)
@@ -40,9 +57,11 @@ def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
     return full, FULL
 
 
-def _ruled(claim: Claim, results: Results, budget: str) -> tuple[Judgement, bool]:
+def _ruled(
+    claim: Claim, results: Results, budget: str, control: Mapping[str, str] | None = None
+) -> tuple[Judgement, bool]:
     """Return what the rule of a claim says at a budget, and whether the budget matters; no runs where it is open."""
-    evidence = Evidence(results, budget)
+    evidence = Evidence(results, budget, control)
     try:
         runs = {
             name: evaluate(expression, lambda result: evidence.runs(claim, result))
@@ -56,9 +75,9 @@ def _ruled(claim: Claim, results: Results, budget: str) -> tuple[Judgement, bool
 
 def on_own_logs(claim: Claim, values: Mapping) -> Claim:
     """Return the claim as it stands where params.yaml names the user's own logs in place of the simulator."""
-    if claim.data == "recorded" or values[claim.experiment]["source"] == "simulated":
+    if claim.data == RECORDED or values[claim.experiment]["source"] == "simulated":
         return claim
-    return replace(claim, data="recorded", id=f"{claim.id}/recorded", tried="")  # what was tried was on the scene
+    return replace(claim, data=RECORDED, id=f"{claim.id}/{RECORDED}", tried="")  # what was tried was on the scene
 
 
 def table(claims: Iterable[Claim], results: Results) -> pd.DataFrame:
@@ -68,9 +87,13 @@ def table(claims: Iterable[Claim], results: Results) -> pd.DataFrame:
 
 def _row(claim: Claim, results: Results) -> list:
     found, budget = judged(claim, results)
-    protocols = [claim.protocol] if isinstance(claim.protocol, str) else dict.fromkeys(claim.protocol.values())
-    draws = f"draws of presses or grasps of {found.trainings} training{'s' * (found.trainings > 1)}"
-    split = "+".join(protocol.replace("{condition}", "").strip("_") or "time" for protocol in protocols)
+    drawn = f"{facts(claim.experiment).subject}s" if facts(claim.experiment).subject else "presses or grasps"
+    draws = f"draws of {drawn} of {found.trainings} training{'s' * (found.trainings > 1)}"
+    if isinstance(claim.protocol, tuple):
+        split = f"{claim.protocol[0]} to {claim.protocol[-1]}"
+    else:
+        protocols = [claim.protocol] if isinstance(claim.protocol, str) else dict.fromkeys(claim.protocol.values())
+        split = "+".join(protocol.replace("{condition}", "").strip("_") or "time" for protocol in protocols)
     return [
         claim.id, claim.text, claim.paper, claim.section, claim.data, claim.kind, split, claim.published,
         found.ours, found.low, found.high, claim.unit, found.verdict, found.reason, found.power,

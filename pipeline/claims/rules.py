@@ -21,7 +21,7 @@ from scipy import stats
 
 from pipeline.claims.equivalence import inside, lies_within
 from pipeline.scoring import results
-from pipeline.scoring.units import DRAW
+from pipeline.scoring.units import DRAW, WHOLE
 
 REPRODUCED, CONTRADICTED, UNDECIDED = "reproduced", "contradicted", "undecided"
 MATCHES, NEAR, OFF = "matches", "near", "off"
@@ -66,8 +66,9 @@ def interval(values: pd.Series, scale: str = results.PLAIN) -> results.Estimate:
     Raises Open where there is no interval.
     """
     if values.index.name == DRAW:
-        low, high = np.quantile(values, (ALPHA, 1 - ALPHA))
-        return results.Estimate(float(values.mean()), float(low), float(high), len(values), 0)
+        drawn = values[values.index != WHOLE]
+        low, high = np.quantile(drawn, (ALPHA, 1 - ALPHA))
+        return results.Estimate(float(values.get(WHOLE, drawn.mean())), float(low), float(high), len(drawn), 0)
     mean = results.estimate(values.dropna(), scale)
     if mean.runs < results.FEWEST:
         problem = f"{mean.runs} of the {results.FEWEST} runs that an interval needs" if mean.runs else NOTHING
@@ -90,7 +91,8 @@ def doubt(values: pd.Series, limit: float, scale: str, side: str) -> float:
     A t test, for shares a binomial test of the effective trials; of draws their share beyond the limit.
     """
     if values.index.name == DRAW:
-        return float(((values >= limit) if side == "less" else (values <= limit)).mean())
+        drawn = values[values.index != WHOLE]
+        return float(((drawn >= limit) if side == "less" else (drawn <= limit)).mean())
     if scale == results.SHARE:
         shares = values.dropna().to_numpy()
         trials = float(results.effective_trials(shares))
@@ -267,7 +269,7 @@ def _power(
     if len(frame) < results.FEWEST or not np.isfinite(centre).all():
         return np.nan
     if frame.index.name == DRAW:
-        off = (frame - frame.mean()).to_numpy()
+        off = (frame - frame.mean())[frame.index != WHOLE].to_numpy()
         return float(goal(*(centre + off + np.quantile(off, side, axis=0) for side in (ALPHA, 1 - ALPHA))).mean())
     (there, back), n = results.SCALES[scale], len(frame)
     seen = there(frame.to_numpy())

@@ -9,9 +9,11 @@ Severities of one sign are walked from 0 outwards, each sign apart. Between two 
 straight line on the axis of the severity, on that of its logarithm where the severities of the test span a factor of
 SPAN or more and neither is 0. Where a curve passes a level several times, the first time counts.
 
-Intervals are over seeds: of the mean curves of DRAWS draws, each of as many seeds as there are, with replacement. A
-model and `constant` share the seeds of a draw. An end at which the level is not reached is infinite. Fewer than FEWEST
-seeds have no interval.
+Intervals are of the mean curves of DRAWS draws, with replacement. An end at which the level is not reached is infinite.
+Of recordings that are scored in blocks of presses, grasps or frames, blocks are drawn (`units.of_written`), the same
+ones for all seeds, severities and models: how far other presses would change a number. Else as many seeds are drawn as
+there are; a model and `constant` share the seeds of a draw. Fewer than FEWEST blocks, or seeds, have no interval. The
+column `over` says what was drawn.
 
 A model is usable clean where its clean error, the mean over seeds that the tables of accuracy have, is at most `usable`
 and below that of `constant`. Others have no skill whose loss could be told, and stand in no table but that of UNUSABLE.
@@ -30,7 +32,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
-from pipeline.experiments import facts
+from pipeline.experiments import facts, module
+from pipeline.scoring import units
 from pipeline.scoring.claim_inputs import FULL
 from pipeline.scoring.results import CONFIDENCE, FEWEST, estimate
 from pipeline.settings.stress import TESTS
@@ -38,7 +41,9 @@ from pipeline.settings.stress import TESTS
 FLOOR = "constant"
 SPAN = 10.0
 DRAWS = 1000
-SEED = 0  # of the draws
+SEEDS = "seeds"  # what intervals are over where no blocks are known; their word stands in Facts.seeds
+SEED = 0  # of the draws of seeds
+TAILS = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
 UP, DOWN = "up", "down"  # directions: severities above 0, and below
 LINEAR, LOG = "linear", "log"  # axes
 NO_ORDER, NO_CLEAN = "no order", "no clean level"
@@ -49,7 +54,7 @@ WHERE = ["experiment", *TESTED_ON, "model"]
 LEVELS = ("half", "all", "fails")
 FAILURES = [*WHERE, "fails_at", "half_at", "half_low", "half_high", "all_at", "clean", "seeds", "budget", "direction"]
 FAILURES += ["unit", "axis", "all_low", "all_high", "largest", "half_note", "all_note", "fails_note", "start", "floor"]
-FAILURES += ["usable", "failed"]
+FAILURES += ["usable", "failed", "over"]
 UNUSABLE = ["experiment", "protocol", "condition", "model", "clean", "floor", "usable", "seeds", "failed"]
 STARTS = ["experiment", "model", "starts", "failed", "worse", "protocols", "third", "thrice", "rate_seeds"]
 RATE = re.compile(r"(?:^|_)rate_([\d.]+)$")  # variants trained at so many times their learning rate
@@ -65,6 +70,9 @@ class Runs(NamedTuple):
     floor: np.ndarray  # (seeds, k) of `constant`, NaN where there is none
     budget: str
     failed: int  # runs without an error, which are not among these
+    draws: np.ndarray  # (draws, k) errors, mean over the runs, of blocks or seeds drawn anew; none without an interval
+    floor_draws: np.ndarray  # (draws, k) of `constant`, of the same draws
+    over: str  # what is drawn, in the plural, or SEEDS; empty where nothing is
 
 
 def as_error(table: pd.DataFrame, experiment: str) -> pd.DataFrame:
@@ -81,8 +89,9 @@ def of_variant(table: pd.DataFrame, variant: str) -> pd.DataFrame:
 
 
 def runs(stress: pd.DataFrame, experiment: str, variant: str = "") -> pd.DataFrame:
-    """Return KEY, budget and error of the runs of an experiment, fully trained; stress: see `shards.stress`.
+    """Return KEY, budget, error, draws and over of the runs of an experiment, fully trained; stress: `shards.stress`.
 
+    draws: (DRAWS,) errors of blocks drawn anew, None where the row has fewer than FEWEST; over: what these are.
     Raises InputError where a run is there twice, or is absent where another seed has it.
     """
     own = as_error(of_variant(stress, variant), experiment)
@@ -94,7 +103,19 @@ def runs(stress: pd.DataFrame, experiment: str, variant: str = "") -> pd.DataFra
             f"evidence/stress: no row of {experiment} for perturbation {test}, severity {severity:g}, model {model}, "
             f"seed {seed}, which others have; run `tactile evidence` again"
         )
-    return own[[*KEY, "budget", "error"]].fillna({"budget": ""}).reset_index(drop=True)
+    drawn = [_of_blocks(text, experiment) for text in own["blocks"]]
+    for name, column in zip(("draws", "over"), zip(*drawn, strict=True) if drawn else ((), ()), strict=True):
+        own[name] = pd.Series(column, own.index, object)
+    return own[[*KEY, "budget", "error", "draws", "over"]].fillna({"budget": ""}).reset_index(drop=True)
+
+
+def _of_blocks(text: str, experiment: str) -> tuple[np.ndarray | None, str]:
+    """Return the errors of blocks drawn anew, (DRAWS,), and what these are, if there are FEWEST."""
+    if text.count(":") < FEWEST:
+        return None, ""
+    of = facts(experiment)
+    draws, persons = units.of_written(text, of.metric)
+    return 1 - draws if of.metric == "accuracy" else draws, units.called(of, module(experiment).KIND, len(persons))
 
 
 def _lacking(own: pd.DataFrame) -> Iterator[tuple[str, float, str, int]]:
@@ -138,14 +159,36 @@ def groups(table: pd.DataFrame) -> Iterator[tuple[tuple[str, str, str], dict[str
             paired = known[known.index.isin(floor.index)] if len(floor) else known
             budget = own.loc[own["model"] == model, "budget"].iloc[0]
             at_floor = floor.reindex(index=paired.index, columns=matrix.columns).to_numpy(float)
-            columns = np.array(matrix.columns, dtype=float)
-            found[model] = Runs(columns, paired.to_numpy(float), at_floor, budget, len(matrix) - len(known))
+            columns, errors = np.array(matrix.columns, dtype=float), paired.to_numpy(float)
+            there = own[own["seed"].isin(paired.index) & own["severity"].isin(matrix.columns)]
+            drawn = _drawn_blocks(there, model) or _drawn_seeds(errors, at_floor)
+            found[model] = Runs(columns, errors, at_floor, budget, len(matrix) - len(known), *drawn)
         yield place, found
 
 
 def _matrix(rows: pd.DataFrame) -> pd.DataFrame:
     """Return errors by seed (rows) and rising severity (columns)."""
     return rows.pivot(index="seed", columns="severity", values="error").sort_index(axis=1)
+
+
+def _drawn_blocks(rows: pd.DataFrame, model: str) -> tuple[np.ndarray, np.ndarray, str] | None:
+    """Return draws, floor_draws and over of Runs by blocks drawn anew; None where some row has none."""
+    errors = []
+    for name in (model, FLOOR):
+        own = rows[rows["model"] == name]
+        if own.empty or own["draws"].isna().any():
+            return None
+        errors.append(np.stack([np.mean(list(at), axis=0) for _, at in own.groupby("severity")["draws"]], axis=1))
+    over = " and ".join(rows.loc[rows["model"] == model, "over"].unique())
+    return (*errors, over) if errors[0].shape == errors[1].shape else None
+
+
+def _drawn_seeds(errors: np.ndarray, floor: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
+    """Return draws, floor_draws and over of Runs by seeds drawn anew; no draw of fewer than FEWEST."""
+    if len(errors) < FEWEST:
+        return errors[:0], floor[:0], ""
+    chosen = drawn(len(errors))
+    return errors[chosen].mean(axis=1), floor[chosen].mean(axis=1), SEEDS
 
 
 def crossing(severities: np.ndarray, errors: np.ndarray, level: np.ndarray | float, axis: str) -> np.ndarray:
@@ -179,22 +222,22 @@ def drawn(seeds: int) -> np.ndarray:
     return np.random.default_rng(SEED).integers(0, seeds, (DRAWS, seeds))
 
 
-def walked(own: Runs) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield each direction of a test, its severities from 0 outwards, without their sign, errors and floors there."""
+def walked(own: Runs) -> Iterator[tuple[str, Runs]]:
+    """Yield each direction of a test, and the runs there, of severities from 0 outwards, without their sign."""
     for direction, sign in ((UP, 1), (DOWN, -1)):
         chosen = np.flatnonzero(sign * own.severities >= 0)
         chosen = chosen[np.argsort(np.abs(own.severities[chosen]))]
         if len(chosen) > 1:
-            yield direction, np.abs(own.severities[chosen]), own.errors[:, chosen], own.floor[:, chosen]
+            parts = {name: getattr(own, name)[:, chosen] for name in ("errors", "floor", "draws", "floor_draws")}
+            yield direction, own._replace(severities=np.abs(own.severities[chosen]), **parts)
 
 
-def lost_at(severities: np.ndarray, errors: np.ndarray, floor: np.ndarray, usable: float) -> dict[str, float]:
+def lost_at(own: Runs, usable: float) -> dict[str, float]:
     """Return where half and all of the skill is lost, and where a model is no more usable, with the notes.
 
-    severities: (k,) from 0 outwards; errors, floor: (seeds, k). A level that is not reached has NaN, and the
-    note says beyond what.
+    own: of severities from 0 outwards. A level that is not reached has NaN, and the note says beyond what.
     """
-    axis = axis_of(severities)
+    severities, axis = own.severities, axis_of(own.severities)
 
     def levels(curves: np.ndarray, constant: np.ndarray) -> dict[str, np.ndarray]:
         shares = curves / constant
@@ -202,18 +245,16 @@ def lost_at(severities: np.ndarray, errors: np.ndarray, floor: np.ndarray, usabl
         found = {name: crossing(severities, shares, level, axis) for name, level in wanted.items()}
         return found | {"fails": crossing(severities, curves, np.full(shares.shape[:-1], usable), axis)}
 
-    mean = levels(errors.mean(axis=0), floor.mean(axis=0))
-    found = {"axis": axis, "largest": severities[-1]}
+    mean = levels(own.errors.mean(axis=0), own.floor.mean(axis=0))
+    found = {"axis": axis, "largest": severities[-1], "over": own.over}
     for name, value in mean.items():
         reached = np.isfinite(value)
         found[f"{name}_at"] = float(value) if reached else np.nan
         found[f"{name}_note"] = "" if reached else f"> {severities[-1]:g}"
     ends = dict.fromkeys(LEVELS, (np.nan, np.nan))
-    if len(errors) >= FEWEST:
-        chosen = drawn(len(errors))
-        draws = levels(errors[chosen].mean(axis=1), floor[chosen].mean(axis=1))
-        tails = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
-        ends = {name: np.quantile(each, tails, method="inverted_cdf") for name, each in draws.items()}
+    if own.over:
+        draws = levels(own.draws, own.floor_draws)
+        ends = {name: np.quantile(each, TAILS, method="inverted_cdf") for name, each in draws.items()}
     for name in ("half", "all"):
         found[f"{name}_low"], found[f"{name}_high"] = map(float, ends[name])
     return found
@@ -276,9 +317,10 @@ def failures(
                 rows.append(row | notes | ({"clean": known.clean, "floor": known.floor} if has_clean else {}))
                 continue
             row |= {"clean": known.clean, "floor": own.floor[:, own.severities == 0].mean()}
-            for direction, severities, errors, floor in walked(own) if len(own.errors) else ():
-                found = _signed(lost_at(severities, errors, floor, row["usable"]), direction)
-                rows.append(row | found | {"direction": direction, "start": errors[:, 0].mean()})
+            for direction, here in walked(own) if len(own.errors) else ():
+                found = _signed(lost_at(here, row["usable"]), direction)
+                found["over"] = facts(experiment).seeds if found["over"] == SEEDS else found["over"]
+                rows.append(row | found | {"direction": direction, "start": here.errors[:, 0].mean()})
     return pd.DataFrame(rows, columns=FAILURES), judged[~judged["good"]][UNUSABLE]
 
 
@@ -312,33 +354,42 @@ class Better(NamedTuple):
     model: str
     error: float
     of_best: float  # error of the model that is best clean
-    seeds: int
 
 
 def better(table: pd.DataFrame, rows: pd.DataFrame) -> list[Better]:
     """Return where another model is to be taken than the one with the least clean error; see Better.
 
     table: `runs` of one condition; rows: of FAILURES of it. Of the others that are usable clean the one with the least
-    mean error is asked; the interval over seeds of its difference must not hold 0. Fewer than FEWEST seeds tell none.
+    mean error is asked; the interval of its difference, over the same as those of the rows, must not hold 0. Where the
+    rows have no interval, nothing tells.
     """
     found, good = [], set(rows["model"])
     curves = {test: models for (_, _, test), models in groups(table[table["model"].isin([*good, FLOOR])])}
     best = rows.dropna(subset="clean").sort_values("clean", kind="stable")["model"].iloc[0]
     for row in rows[(rows["model"] == best) & rows["half_at"].notna()].itertuples():
         test, size = row.perturbation, abs(row.half_at)
-        errors = {
-            model: pd.Series(error_at(severities, each, size, row.axis))
+        there = {
+            model: here
             for model, own in curves[test].items() if model in good
-            for direction, severities, each, _ in walked(own) if direction == row.direction and len(each)
+            for direction, here in walked(own) if direction == row.direction and len(here.errors)
         }  # fmt: skip
+        errors = {model: error_at(each.severities, each.errors, size, row.axis) for model, each in there.items()}
         other = min(errors, key=lambda model: errors[model].mean())
-        if other == best or len(errors[other]) != len(errors[best]):
+        if other == best or len(errors[other]) != len(errors[best]) or there[other].over != there[best].over:
             continue
-        gain = estimate(errors[best] - errors[other])
-        if gain.low > 0:
+        if _low_gain(there[best], there[other], size, row.axis) > 0:
             means = errors[other].mean(), errors[best].mean()
-            found.append(Better(test, row.direction, row.half_at, other, *means, gain.runs))
+            found.append(Better(test, row.direction, row.half_at, other, *means))
     return found
+
+
+def _low_gain(worse: Runs, better: Runs, size: float, axis: str) -> float:
+    """Return the lower end of the interval of how far the error of one model is above that of another; or NaN."""
+    gains = [
+        error_at(worse.severities, one, size, axis) - error_at(worse.severities, other, size, axis)
+        for one, other in ((worse.errors, better.errors), (worse.draws, better.draws))
+    ]
+    return estimate(gains[0]).low if worse.over in ("", SEEDS) else float(np.quantile(gains[1], TAILS[0]))
 
 
 def error_at(severities: np.ndarray, errors: np.ndarray, size: float, axis: str) -> np.ndarray:

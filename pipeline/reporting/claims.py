@@ -6,7 +6,7 @@ import pandas as pd
 
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
-from pipeline.claims.entries import NUMBER, SENTENCE
+from pipeline.claims.entries import NUMBER, RECORDED, SENTENCE
 from pipeline.claims.rules import BAD, BAND, RANKS, TOLERANCE, UNDECIDED, VERDICTS
 from pipeline.reporting.words.markdown import number, size, table
 from pipeline.reporting.words.templates import render
@@ -30,7 +30,6 @@ RULES = (
     ),
 )
 COUNTED = (SENTENCE, NUMBER)  # kinds
-RECORDED = "recorded"  # data; its claims come before those of simulated data
 HEADER = ["Claim", "Section", "Data", "Protocol", "Published", "Ours", "Unit", "Verdict", "Power", "Runs", "Budget"]
 HEADER += ["Reason"]
 NOT_TRIED = "No reason was looked for."
@@ -84,7 +83,7 @@ def tables_of(workspace: Workspace, experiment: str, results: Results) -> Callab
     Without a name it is of all claims whose results are the experiment's own, and empty where there is none.
     """
     listed, papers = entries.read(workspace)
-    of = {name: (paper.simulated, paper.recorded) for name, paper in papers.items()}
+    of = {name: (paper.simulated, *paper.recorded) for name, paper in papers.items()}
     claims = {claim.id.split("/")[1]: claim for claim in listed if experiment in of[claim.paper]}
 
     def judged(*names: str) -> str:

@@ -6,7 +6,6 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from pipeline import experiments
 from pipeline.base import files
@@ -19,9 +18,9 @@ from pipeline.reporting.figures import common
 from pipeline.reporting.glove import draw_confusions
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import plain
-from pipeline.scoring import kept
+from pipeline.scoring import kept, studies
 from pipeline.scoring.glove_results import NETWORKS, main_protocols, splits
-from pipeline.scoring.results import estimate, read_csv
+from pipeline.scoring.results import estimate
 
 POOLED = "repetition"  # the protocol that fits all recordings together; the others are named like one recording
 UNITS = {"rmse": "N", "r2": "1"}
@@ -135,8 +134,7 @@ def presses(report: Report, protocol: str) -> list[common.Cloud]:
 def confusions(workspace: Workspace, folder: Path, settings: Mapping, report: Report) -> Parts:
     """Draw what the best network of each dataset takes each object for, and the learning curves."""
     name, (protocols, best) = report.experiment, (main_protocols(settings), {})
-    columns, made_by = ["input", "seed", "metric", "value"], f"python -m pipeline.studies.joint_angles {name}"
-    probe = read_csv(workspace.probe(name), columns, made_by) if report.of_look else pd.DataFrame(columns=columns)
+    probe = studies.read(workspace, name, "joint_angles", ["input", "seed", "metric", "value"])
     for dataset, protocol in protocols.items():
         values = {model: report.estimate(protocol, dataset, model, "accuracy") for model in report.models}
         good = [model for model in (*NETWORKS, "sp_resnet_nogcam") if model in values and not values[model].failed]

@@ -194,15 +194,18 @@ def panels(runs: pd.DataFrame, rows: pd.DataFrame) -> list[figures.Panel]:
 
 def curve(own: verdicts.Runs, judged: pd.DataFrame) -> figures.Curve:
     """Return the curve of a model under one test; judged: its rows of failures.csv."""
-    levels = [results.estimate(each, results.LOG) for each in own.errors.T]
-    low, high = ([getattr(each, end) for each in levels] for end in ("low", "high"))
-    of_direction = {direction: (at, errors.mean(axis=0)[None]) for direction, at, errors, _ in verdicts.walked(own)}
+    if own.over in ("", verdicts.SEEDS):
+        levels = [results.estimate(each, results.LOG) for each in own.errors.T]
+        low, high = (np.array([getattr(each, end) for each in levels]) for end in ("low", "high"))
+    else:
+        low, high = np.quantile(own.draws, verdicts.TAILS, axis=0)
+    of_direction = {way: (each.severities, each.errors.mean(axis=0)[None]) for way, each in verdicts.walked(own)}
     half = [
         (row.half_at, verdicts.error_at(*of_direction[row.direction], abs(row.half_at), row.axis)[0])
         for row in judged.itertuples()
         if np.isfinite(row.half_at)
     ]
-    return figures.Curve(own.severities, own.errors.mean(axis=0), np.array(low), np.array(high), half)
+    return figures.Curve(own.severities, own.errors.mean(axis=0), low, high, half)
 
 
 def findings(

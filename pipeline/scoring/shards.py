@@ -5,7 +5,8 @@ evidence/shards.yaml are sets, one for each amount of data; shards are called `<
 
 * results/<shard>.csv: rows of the one table of results.
 * studies/<experiment>/<table>-<seed>.csv: in place of that, the tables of a study, a set with the key `study`.
-* stress/<shard>.csv: rows as those of results, on perturbed readings and scenes; severity 0 is without.
+* stress/<shard>.csv: rows as those of results, on perturbed readings and scenes; severity 0 is without. The column
+  blocks has the losses of presses, grasps or frames in a row, of recordings that are scored by unit, see `units`.
 * curves/<shard>.csv: losses over epochs, CURVE_POINTS of each training.
 * kept/<shard>.parquet: what figures draw of it, see `kept`. Not every shard has this and stress.
 * index.csv: of each shard its digest, costs, machine and commit, and a digest of what it has of `kept` and `stress`;
@@ -22,15 +23,17 @@ import pandas as pd
 from pipeline.base import files, foreign, params, paths, processes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.scoring import units
 from pipeline.scoring.claim_inputs import COLUMNS, DATA, FULL, HALF, KEY
 from pipeline.scoring.results import read_csv
 from pipeline.settings.shards import ShardSet
 
 BUDGETS = (HALF, FULL)
-STRESS = [*COLUMNS, "perturbation", "severity"]
+STRESS = [*COLUMNS, "perturbation", "severity", "blocks"]  # older files have no blocks
 INDEX = ["shard", "experiment", "protocol", "seed", "budget", "sha256", "core_s", "machine", "commit", "data_sha256"]
 INDEX += ["kept_sha256"]
 TIMES = ["shard", "model", "protocol", "seed", "epochs", "train_s"]
+WORDS = ("variant", "budget", "blocks")  # columns of STRESS that may be empty
 CARD = ", "  # in a machine's name: that of its card, or another torch, comes after the processor's
 SHARD = "shard"  # column of those tables, and of the rows of `read`
 STUDY = "study"  # in the column `protocol` of index.csv, for a study
@@ -241,12 +244,20 @@ def timed_on(runs: pd.DataFrame) -> str:
 def stress(workspace: Workspace) -> pd.DataFrame:
     """Return what the models of all committed shards scored under stress, columns STRESS; no row where none has any.
 
-    Raises InputError where a file is not as indexed.
+    Raises InputError where a file is not as indexed, and where its blocks are none.
     """
-    found = [path for _, path in checked(workspace, stress_file)]
-    tables = [read_csv(path, STRESS, MADE_BY).astype({"variant": object, "budget": object}) for path in found]
-    together = pd.concat(tables or [pd.DataFrame(columns=STRESS, dtype=object)], ignore_index=True)
-    return together.fillna({"variant": "", "budget": ""})
+    tables = [pd.DataFrame(columns=STRESS, dtype=object)]
+    for row, path in checked(workspace, stress_file):
+        rows = read_csv(path, STRESS[:-1], MADE_BY).reindex(columns=STRESS)
+        rows = rows.astype(dict.fromkeys(WORDS, object)).fillna(dict.fromkeys(WORDS, ""))
+        wrong = rows.index[~rows["blocks"].astype(str).str.fullmatch(units.WRITTEN)]
+        if len(wrong):
+            raise InputError(
+                f"{path}, line {wrong[0] + 2}: blocks are {rows['blocks'][wrong[0]]!r}, and not loss:count of each; "
+                f"run `{MADE_BY} {row['shard']}` again"
+            )
+        tables.append(rows)
+    return pd.concat(tables[1:] or tables, ignore_index=True)
 
 
 def _once(rows: pd.DataFrame) -> pd.DataFrame:

@@ -4,25 +4,35 @@ Seeds of a recorded experiment are starts of networks on the same recordings; ho
 presses is told by drawing the presses anew, with repetition (bootstrap; Efron 1979), the same ones for every model.
 Of recordings of several persons, persons are drawn anew, and of each that is drawn what is theirs. Of metrics other
 than the main one a person is one unit: how persons differ holds already how frames of one differ, and rows are few.
+
+Scores under stress keep the losses of few blocks of units, as text in the row of the score, see `written`.
 """
 
+import functools
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 
 from pipeline import experiments
+from pipeline.base.facts import Facts
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.scoring import metrics
-from pipeline.scoring.results import read_predictions, read_windows
+from pipeline.scoring.results import FEWEST, read_predictions, read_windows
 
 MOST_UNITS = 100  # of a condition: presses in a row are one where there are more
 MOST_OF_SUBJECT = 10  # likewise of one person: how persons differ weighs more
+MOST_BLOCKS = 10  # of a test part under stress
+BLOCK = r"\d+(\.\d+)?(e[+-]\d\d)?:[1-9]\d{0,9}"  # loss and count
+APART = "/"  # between the blocks of one person and those of the next
+WRITTEN = rf"({BLOCK}( ({APART} )?{BLOCK})*)?"  # form of the blocks of a score under stress
 SUFFIX = "_of_unit"  # of the metric's name; the variant is the unit, or <variant>/<unit>
 DRAWS = 1000
 DRAW = "draw"  # name of the index of values that are draws, not runs
+WHOLE = -1  # in that index: no draw, but what was measured
 
 
 def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Sequence[str]) -> Iterator[Mapping]:
@@ -34,13 +44,15 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Se
     table, module = read_windows(workspace, experiment), experiments.module(experiment)
     facts, condition, unit = module.FACTS, schemas.names(table["condition"]), _numbers(table)
     subject = schemas.names(table[facts.subject]) if facts.subject else None
+    truth = table["label"].to_numpy() if facts.metric == "accuracy" else schemas.matrix(table["y"])
+    most = MOST_OF_SUBJECT if facts.subject else MOST_UNITS
     for protocol in protocols:
         for seed in settings["protocols"][protocol]["seeds"]:
             for model in settings["models"]:
                 predicted = read_predictions(workspace, experiment, model, protocol, seed, table)
                 if not np.isfinite(predicted).any():  # a failed run
                     continue
-                wrong = _loss(facts.metric, table, predicted)
+                wrong = losses(facts.metric, truth, predicted)
                 known = np.isfinite(wrong) & (unit >= 0)
                 shares = {facts.metric: (wrong[known], np.ones(known.sum()))}
                 if subject is not None:
@@ -52,10 +64,10 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Se
                 for name in pooled or np.unique(condition[known]):
                     chosen = known if pooled else known & (condition == name)
                     for metric, (share, of) in shares.items():
-                        most = MOST_OF_SUBJECT if metric == facts.metric else 1
-                        block = _named(unit[chosen], None if subject is None else subject[chosen], most)
+                        fewer = most if metric == facts.metric else 1
+                        block, whose = _blocks(unit[chosen], None if subject is None else subject[chosen], fewer)
                         parts = pd.DataFrame({"share": share, "of": of})[chosen[known]]
-                        sums = parts.groupby(block, observed=True).sum()
+                        sums = parts.groupby(_named(block, whose), observed=True).sum()
                         for number, each in sums[sums["of"] > 0].iterrows():
                             yield {
                                 "experiment": experiment, "protocol": protocol, "condition": name, "model": model,
@@ -73,35 +85,113 @@ def _numbers(table: pa.Table) -> np.ndarray:
     return np.where(press >= 0, number, -1)
 
 
-def _named(unit: np.ndarray, subject: np.ndarray | None, most: int = MOST_OF_SUBJECT) -> pd.Categorical:
-    """Return the names of blocks of units, (n,): unit_0, unit_1 ..., or of persons unit_P01_0 ...
+def _named(block: np.ndarray, whose: Sequence[str | None]) -> pd.Categorical:
+    """Return the names of blocks of units, (n,): unit_0, unit_1 ..., or of persons unit_P01_0 ...; see `_blocks`."""
+    names = [f"unit_{k}" if one is None else f"unit_{one}_{whose[:k].count(one)}" for k, one in enumerate(whose)]
+    return pd.Categorical.from_codes(block, names)
 
-    unit, subject: (n,). Several in a row are one block where there are more than MOST_UNITS, or `most` of one person.
+
+def _blocks(unit: np.ndarray, subject: np.ndarray | None, most: int) -> tuple[np.ndarray, list[str | None]]:
+    """Return the number of the block of each row, (n,) from 0 on, and whose each block is.
+
+    unit, subject: (n,). Several units in a row are one block where there are more than `most` (of one person).
     """
-    name, order = np.full(len(unit), "", object), []
+    block, whose = np.zeros(len(unit), int), []
     for one in [None] if subject is None else np.unique(subject):
         rows = np.full(len(unit), True) if one is None else subject == one
-        block = _blocks(unit[rows], MOST_UNITS if one is None else most)
-        name[rows] = [f"unit_{'' if one is None else f'{one}_'}{number}" for number in block]
-        order += list(dict.fromkeys(name[rows][np.argsort(block, kind="stable")]))
-    return pd.Categorical(name, categories=order)
+        number = np.unique(unit[rows], return_inverse=True)[1]
+        number //= -(-(number.max(initial=0) + 1) // most)
+        block[rows] = len(whose) + number
+        whose += [one] * (number.max(initial=-1) + 1)
+    return block, whose
 
 
-def _blocks(unit: np.ndarray, most: int) -> np.ndarray:
-    """Return units numbered from 0 on, several in a row as one where there are more than `most`."""
-    number = np.unique(unit, return_inverse=True)[1]
-    return number // -(-(number.max(initial=0) + 1) // most)
+def losses(metric: str, truth: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """Return squared error, distance in mm, or whether it is right, (n,); NaN where nothing is predicted.
 
-
-def _loss(metric: str, table: pa.Table, predicted: np.ndarray) -> np.ndarray:
-    """Return squared error, distance in mm, or whether it is right, (n,); NaN where nothing is predicted."""
+    truth: (n, outputs), of accuracy the places of the right classes (n,); predicted: (n, outputs).
+    """
     if metric == "accuracy":
-        right = (predicted.argmax(axis=1) == table["label"].to_numpy()).astype(float)
+        right = (predicted.argmax(axis=1) == truth).astype(float)
         return np.where(np.isfinite(predicted).all(axis=1), right, np.nan)
-    gap = predicted.astype(float) - schemas.matrix(table["y"])
+    gap = predicted.astype(float) - truth
     asked = np.isfinite(gap).any(axis=0)
     gap = gap[:, asked]
     return np.square(gap).mean(axis=1) if metric == "rmse" else np.linalg.norm(gap, axis=1)
+
+
+class Units(NamedTuple):
+    """What the rows of the test part of a run are of."""
+
+    rows: np.ndarray  # (n,) of the dataset, rising
+    unit: np.ndarray  # (n,) number of the press or grasp; what is between presses is of the one before
+    subject: np.ndarray | None  # (n,) of whom they are
+
+    @classmethod
+    def of(cls, rows: np.ndarray, table: pa.Table, facts: Facts) -> "Units":
+        """Return the units of rows (n,) of a dataset; table: condition, recording, press and subject of these rows."""
+        unit = _numbers(table)
+        held = np.maximum.accumulate(np.where(unit >= 0, np.arange(len(unit)), 0))
+        return cls(rows, unit[held], schemas.names(table[facts.subject]) if facts.subject else None)
+
+    def written(self, rows: np.ndarray, loss: np.ndarray) -> str:
+        """Return the mean losses of blocks as text, `loss:count` apart by a space, persons apart by APART.
+
+        rows: (m,) of the dataset, some of the test part; loss: (m,). There are MOST_BLOCKS at most, or one a person.
+        """
+        place = np.searchsorted(self.rows, rows)
+        subject = None if self.subject is None else self.subject[place]
+        persons = 1 if subject is None else len(np.unique(subject))
+        block, whose = _blocks(self.unit[place], subject, max(1, MOST_BLOCKS // persons))
+        count = np.bincount(block)
+        told = [f"{mean:.4g}:{n}" for mean, n in zip(np.bincount(block, loss) / count, count, strict=True)]
+        ends = [f" {APART}" if one != after else "" for one, after in zip(whose, [*whose[1:], whose[-1]], strict=True)]
+        return " ".join(f"{one}{end}" for one, end in zip(told, ends, strict=True))
+
+
+def called(facts: Facts, kind: str, persons: int) -> str:
+    """Return what draws are over in words; kind: of the input, `KIND`; persons: how many of whom it is recorded."""
+    units = "frames" if not facts.stream else "grasps" if kind == "images" else "presses"
+    if not facts.subject:
+        return units
+    return f"{facts.subject}s" if persons >= FEWEST else f"{units} of {persons} {facts.subject}{'s' * (persons > 1)}"
+
+
+def of_written(text: str, metric: str) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Return the metric over blocks drawn anew, (DRAWS,), and how many blocks each person has; text: see `Units`.
+
+    Fewer than FEWEST persons tell nothing of others: blocks alone are drawn then, of each person as many as there are.
+    """
+    persons = [part.split() for part in text.split(APART)]
+    sizes = tuple(map(len, persons))
+    loss, count = np.array([pair.split(":") for part in persons for pair in part], float).T
+    drawn = _times_drawn(sizes)
+    return _metric(drawn @ (loss * count) / (drawn @ count), metric), sizes
+
+
+@functools.lru_cache(maxsize=64)
+def _times_drawn(sizes: tuple[int, ...]) -> np.ndarray:
+    """Return how often each draw has each block, (DRAWS, blocks); sizes: blocks of each person."""
+    return np.array([np.bincount(each, minlength=sum(sizes)) for each in _picked(sizes, FEWEST)], float)
+
+
+def _picked(sizes: Sequence[int], fewest: int = 1) -> Iterator[np.ndarray]:
+    """Yield the places of the units of each draw, DRAWS times: persons are drawn, and of each that is drawn its units.
+
+    sizes: units of each person, which stand together. Persons fewer than `fewest` are all kept.
+    """
+    if len(sizes) == 1:
+        yield from np.random.default_rng(sizes[0]).integers(sizes[0], size=(DRAWS, sizes[0]))
+        return
+    rng, first, shape = np.random.default_rng(len(sizes)), np.cumsum([0, *sizes]), (DRAWS, len(sizes))
+    drawn = rng.integers(len(sizes), size=shape) if len(sizes) >= fewest else np.tile(range(len(sizes)), (DRAWS, 1))
+    for persons in drawn:
+        yield np.concatenate([first[one] + rng.integers(sizes[one], size=sizes[one]) for one in persons])
+
+
+def _metric(loss: np.ndarray, metric: str) -> np.ndarray:
+    """Return the metric of mean losses."""
+    return np.sqrt(loss) if metric.endswith("rmse") else loss
 
 
 def drawn(table: pd.DataFrame, metric: str) -> pd.Series:
@@ -109,21 +199,15 @@ def drawn(table: pd.DataFrame, metric: str) -> pd.Series:
 
     Where units are of several persons, persons are drawn, and for each that is drawn its units: rows of several
     protocols that test on different persons may stand together. The same units give the same draws, and as many persons
-    the same persons, so that models are paired, and conditions and metrics by person.
+    the same persons, so that models are paired, and conditions and metrics by person. Few persons of unlike weight make
+    the mean of draws a percent off, so that at WHOLE, beside the draws, is the metric over all units as they are.
     """
     mean = table.groupby("variant")["value"].mean()
     weight = table.groupby("variant")["n"].first().astype(float)
     order = sorted(mean.index, key=lambda name: (name.rpartition("_")[0], int(name.rpartition("_")[2])))
     value, weight = mean[order].to_numpy(), weight[order].to_numpy()
-    _, first, size = np.unique([name.rpartition("_")[0] for name in order], return_index=True, return_counts=True)
-    rng = np.random.default_rng(len(value) if len(first) == 1 else len(first))
-    if len(first) == 1:
-        picked = rng.integers(len(value), size=(DRAWS, len(value)))
-        result = (weight * value)[picked].sum(axis=1) / weight[picked].sum(axis=1)
-    else:
-        sums = np.zeros((2, DRAWS))
-        for draw, persons in enumerate(rng.integers(len(first), size=(DRAWS, len(first)))):
-            picked = np.concatenate([first[one] + rng.integers(size[one], size=size[one]) for one in persons])
-            sums[:, draw] = (weight * value)[picked].sum(), weight[picked].sum()
-        result = sums[0] / sums[1]
-    return pd.Series(np.sqrt(result) if metric.endswith("rmse") else result, index=pd.RangeIndex(DRAWS, name=DRAW))
+    sizes = np.unique([name.rpartition("_")[0] for name in order], return_counts=True)[1]
+    result = [(weight * value)[picked].sum() / weight[picked].sum() for picked in _picked(sizes)]
+    whole = [np.average(value, weights=weight)] if len(sizes) > 1 else []
+    index = pd.RangeIndex(WHOLE if whole else 0, DRAWS, name=DRAW)
+    return pd.Series(_metric(np.array([*whole, *result]), metric), index=index)

@@ -6,13 +6,12 @@ import numpy as np
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring.metrics import Row
 from pipeline.scoring.results import read_csv
 
 KEY = ["protocol", "condition", "model", "seed", "metric"]
 
 
-def checker(workspace: Workspace, experiment: str, tolerance: float) -> Callable[[tuple, Sequence[Row]], None]:
+def checker(workspace: Workspace, experiment: str, tolerance: float) -> Callable[[tuple, Sequence[tuple]], None]:
     """Return `check(run, scores)`, which raises InputError where a metric is not as scores.csv has it, or not in it.
 
     run: (protocol, condition, model, seed); tolerance: relative where a metric is above 1. Raises InputError where
@@ -24,9 +23,9 @@ def checker(workspace: Workspace, experiment: str, tolerance: float) -> Callable
         raise InputError(f"{path}: two rows for {', '.join(map(str, row))}; run `{made_by}` again")
     written = table.set_index(KEY)["value"].to_dict()
 
-    def check(run: tuple[str, str, str, int], scores: Sequence[Row]) -> None:
+    def check(run: tuple[str, str, str, int], scores: Sequence[tuple]) -> None:
         protocol, condition, model, seed = run
-        for metric, _, value, _ in scores:
+        for metric, _, value, *_ in scores:
             if (*run, metric) not in written:
                 raise InputError(
                     f"{path}: no row for protocol {protocol}, condition {condition}, "

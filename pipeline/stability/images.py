@@ -34,7 +34,7 @@ from pipeline.base.stress_tests import FRAMES, SCENE, StressTest
 from pipeline.datasets import images, levels, schemas
 from pipeline.datasets.seeding import generator
 from pipeline.scenes import glove_stress
-from pipeline.scoring import classification, metrics
+from pipeline.scoring import classification
 from pipeline.stability import run
 from pipeline.tasks import images as tasks_images
 
@@ -77,6 +77,12 @@ class Run(run.Run):
         self.modality = images.modality(self.protocol)
         self.x, self.y = tasks_images.part_of(self.data, "test")
 
+    def tested(self) -> tuple[np.ndarray, pa.Table]:
+        """Return the test images."""
+        rows = np.flatnonzero(self.data.part == "test")
+        table = schemas.read(self.workspace.dataset(self.experiment), ["condition", "recording"])
+        return rows, table.take(pa.array(rows))
+
     def spec(self):
         """Return the shapes of the task."""
         return tasks_images.spec(self.data)
@@ -104,9 +110,10 @@ class Run(run.Run):
             predicted[different] = self.model.predict(x[different])
         yield self.modality, self.scored(predicted)
 
-    def scored(self, predicted: np.ndarray) -> list[metrics.Row]:
+    def scored(self, predicted: np.ndarray) -> list[run.Row]:
         """Return the scores of predictions (n, classes); NaN for a failed run."""
-        return metrics.unless_failed(classification.scores(self.y, predicted), self.failed)
+        rows = self.units.rows if self.units else None
+        return self.with_blocks(classification.scores(self.y, predicted), rows, self.y.argmax(axis=1), predicted)
 
 
 def read(workspace: Workspace, experiment: str, settings: Mapping, part: np.ndarray) -> Frames:

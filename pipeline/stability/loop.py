@@ -30,7 +30,7 @@ def runs(values: Mapping, experiment: str) -> Iterator[tuple[str, int]]:
 
 
 def rows(workspace: Workspace, values: Mapping, experiment: str, model: str, report: Callable[[], None]) -> list[tuple]:
-    """Return one model's rows: (protocol, condition, seed, perturbation, severity, metric, unit, value, n).
+    """Return one model's rows: (protocol, condition, seed, perturbation, severity, metric, unit, value, n, blocks).
 
     A run that failed in training has NaN for values. `prepare` ran before. Raises InputError for an unknown test in
     params.yaml, and where the clean scores are not those of scores.csv.

@@ -74,6 +74,13 @@ class Run(run.Run):
         self.levels = training_levels(pieces, self.settings)
         (self.piece,) = (piece for piece in pieces if (piece.part == "test").any())
 
+    def tested(self) -> tuple[np.ndarray, pa.Table]:
+        """Return the test samples."""
+        test = np.flatnonzero(self.piece.part == "test")
+        rows = self.piece.rows[test[0] : test[-1] + 1]
+        table = schemas.read(self.workspace.dataset(self.experiment), ["condition", "recording", "press"])
+        return rows, table.take(pa.array(rows))
+
     def spec(self):
         """Return the shapes of the task."""
         return tasks_series.spec(self.experiment, self.settings, self.protocol)
@@ -87,12 +94,14 @@ class Run(run.Run):
         forgets = np.allclose(self.model.predict(x[start:])[first - start :], self.predicted, rtol=0, atol=SAME_MM)
         self.before = x[start if forgets else 0 : first]
         self.minutes = (self.piece.time_s[first:last] - self.piece.time_s[first]) / 60
-        self.clean = {self.piece.condition: self.scored(self.test, self.predicted)}
+        self.rows = self.piece.rows[first:last]
+        self.clean = {self.piece.condition: self.scored(self.test, self.predicted, self.rows)}
 
-    def scored(self, record: series.Record, predicted: np.ndarray) -> list[metrics.Row]:
-        """Return the rows of METRICS that the task has; NaN for a failed run."""
+    def scored(self, record: series.Record, predicted: np.ndarray, rows: np.ndarray | None) -> list[run.Row]:
+        """Return the rows of METRICS that the task has; rows: see `with_blocks`."""
         found = [row for row in metrics.series(record, predicted, self.task.outputs) if row[0] in METRICS]
-        return metrics.unless_failed(found, self.failed)
+        pair = (column[record.counted] for column in (record.y, predicted))
+        return self.with_blocks(found, None if rows is None else rows[record.counted], *pair)
 
     def unchanged(self, test: StressTest) -> run.Scored:
         """Return the scores of severity 0, of a scene those of the recording without a change."""
@@ -115,13 +124,14 @@ class Run(run.Run):
 
     def scores(self, changed: Changed) -> run.Scored:
         """Yield the condition and the scores of the model."""
+        rows = self.rows
         if changed.scene:
-            predicted = self.model.predict(changed.record.x)
+            predicted, rows = self.model.predict(changed.record.x), None
         elif changed.counted is not None:
-            predicted = self.predicted[changed.counted]
+            predicted, rows = self.predicted[changed.counted], rows[changed.counted]
         else:
             predicted = self.model.predict(np.concatenate([self.before, changed.record.x]))[len(self.before) :]
-        yield self.piece.condition, self.scored(changed.record, predicted)
+        yield self.piece.condition, self.scored(changed.record, predicted, rows)
 
 
 def changed(voltages: np.ndarray, test: StressTest, severity: float, seed: int, levels: Mapping) -> np.ndarray:

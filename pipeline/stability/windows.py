@@ -14,7 +14,7 @@ score of those; the score of all its clean windows is held against that of `eval
 
 import functools
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,7 +31,6 @@ from pipeline.datasets.seeding import generator
 from pipeline.datasets.windowing import windows_of
 from pipeline.datasets.windows import Dataset, read_dataset
 from pipeline.scenes import touch_stress
-from pipeline.scoring import metrics
 from pipeline.stability import run
 from pipeline.tasks import windows as tasks_windows
 
@@ -131,6 +130,10 @@ class Run(run.Run):
         self.test = np.flatnonzero(part == "test")
         self.few = self.test[_in_first_recordings(self.data.rows.take(self.test), self.asked.get("recordings", {}))]
 
+    def tested(self) -> tuple[np.ndarray, pa.Table]:
+        """Return the test windows."""
+        return self.test, self.data.rows.take(self.test)
+
     def spec(self):
         """Return the shapes of the task."""
         return tasks_windows.spec(self.settings)
@@ -142,7 +145,7 @@ class Run(run.Run):
             dict(self.scores([self._windows(self.few)])) if len(self.few) < len(self.test) else {}
         )
 
-    def unchanged(self, test: StressTest) -> Iterator[tuple[str, list[metrics.Row]]]:
+    def unchanged(self, test: StressTest) -> run.Scored:
         """Yield (condition, scores) without the test, where there is something without it."""
         for condition in test.conditions if test.acts_on == SCENE else self.module.STRESSED:
             if condition == ANEW and ANEW not in self.of_few:
@@ -168,7 +171,7 @@ class Run(run.Run):
         block = touch_stress.changed(self.settings, name, severity).settings
         return Changed(data.x, np.arange(len(data.x)), data, (condition,), block)
 
-    def scores(self, changed: list[Changed]) -> Iterator[tuple[str, list[metrics.Row]]]:
+    def scores(self, changed: list[Changed]) -> run.Scored:
         """Yield the scores of REPORTED by condition; NaN for a failed run."""
         for windows in changed:
             predicted = tasks_windows.predict(self.model, windows.x, windows.data, windows.rows)
@@ -177,10 +180,12 @@ class Run(run.Run):
                 chosen = slice(None)
                 if windows.data is self.data:
                     chosen = np.full(len(windows.x), tested == "all") | (self.condition[windows.rows] == tested)
-                if len(windows.rows[chosen]):
-                    truth = windows.data.y[windows.rows[chosen]]
-                    found = tasks_windows.score(self.module, truth, predicted[chosen], windows.settings)
-                    yield tested, [row for row in metrics.unless_failed(found, self.failed) if row[0] in REPORTED]
+                rows = windows.rows[chosen]
+                if len(rows):
+                    pair = windows.data.y[rows], predicted[chosen]
+                    found = tasks_windows.score(self.module, *pair, windows.settings)
+                    found = self.with_blocks(found, rows if windows.data is self.data else None, *pair)
+                    yield tested, [row for row in found if row[0] in REPORTED]
 
 
 def dataset(path: Path, spec) -> Dataset:

@@ -14,7 +14,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from importlib.metadata import version
 from pathlib import Path
 
@@ -175,7 +175,7 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     rows["protocol"] = rows["protocol"].fillna(each.protocols[0])  # of the data of a set, not of all
     files.write_table(result, rows.astype({"seed": "Int64"}), missing="nan")
     if stressed(shard, each):
-        table = stress_rows(own, experiment, rows)
+        table = stress_rows(own, experiment, rows, each.by_unit)
         files.write_table(shards.stress_file(workspace, shard.name), table, missing="nan")
     curves, times = trainings(own, experiment, values)
     files.write_table(target / "curves" / f"{shard.name}.csv", curves)
@@ -201,17 +201,17 @@ def stressed(shard: Shard, each: ShardSet) -> bool:
     return each.stress and shard.budget == FULL
 
 
-def stress_rows(own: Workspace, experiment: str, rows: pd.DataFrame) -> pd.DataFrame:
+def stress_rows(own: Workspace, experiment: str, rows: pd.DataFrame, by_unit: Collection[str]) -> pd.DataFrame:
     """Return the experiment's main score under stress, as shards.STRESS; rows: of the shard's results.
 
-    Budget and variant are those of the model's scores.
+    Budget and variant are those of the model's scores. by_unit: protocols whose rows keep their blocks.
     """
-    found = read_csv(
-        own.stress(experiment), ["model", "severity", "value"], f"python -m pipeline.stages.stress {experiment}"
-    )
+    columns, made_by = ["model", "severity", "value", "blocks"], f"python -m pipeline.stages.stress {experiment}"
+    found = read_csv(own.stress(experiment), columns, made_by)
     found = found[found["metric"] == experiments.facts(experiment).metric]
     of_model = rows.drop_duplicates("model").set_index("model")
     place = {name: found["model"].map(of_model[name]) for name in ("variant", "budget")}
+    place["blocks"] = found["blocks"].astype(object).fillna("").where(found["protocol"].isin(by_unit), "")
     return found.assign(**place).reindex(columns=shards.STRESS)
 
 

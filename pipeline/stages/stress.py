@@ -25,6 +25,7 @@ COLUMNS = (
     "unit",
     "value",
     "n",
+    "blocks",
 )
 
 

@@ -352,7 +352,9 @@ def glove(workspace, settings: dict, experiment: str = "glove") -> tuple:
             (name, s, "accuracy", "1", v + 0.01 * s, 9) for name, v in (("all", 0.9), ("still", 0.8)) for s in (0, 1)
         ]
         header = ["input", "seed", "metric", "unit", "value", "n"]
-        pd.DataFrame(rows, columns=header).to_csv(workspace.probe("glove_recorded"), index=False)
+        path = shards.study_file(workspace, "glove_recorded", "joint_angles", 0)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        pd.DataFrame(rows, columns=header).to_csv(path, index=False)
         return *made, metrics
     n = len(OBJECTS) * 4
     frames = pa.table(

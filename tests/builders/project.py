@@ -171,7 +171,7 @@ SHARED = ("ingest_recorded@velostat_recorded", "count")  # of seconds
 HALVES = (
     ["claim_inputs@touch", "latency@touch", "latency@velostat_recorded", "latency@strain_recorded"]
     + ["stress@touch", "stress@velostat_recorded", "stress@strain_recorded"],
-    ["claim_inputs@strain", "claim_inputs@glove", "latency@strain", "latency@glove", "latency@glove_recorded", "probe"]
+    ["claim_inputs@strain", "claim_inputs@glove", "latency@strain", "latency@glove", "latency@glove_recorded"]
     + ["stress@strain", "stress@glove", "stress@glove_recorded"],
 )
 

@@ -32,7 +32,7 @@ def rows(
     ]
     table = pd.DataFrame(made, columns=["model", "seed", "perturbation", "severity", "value"])
     table = table.assign(experiment=experiment, protocol=place[0], condition=place[1], variant=variant, metric=metric)
-    table = table.assign(unit=facts(experiment).output_unit, n=10)
+    table = table.assign(unit=facts(experiment).output_unit, n=10, blocks="")
     return table.assign(budget=["" if model == "constant" else budget for model in table["model"]])[shards.STRESS]
 
 

@@ -304,7 +304,6 @@ def test_the_ratio_of_shares_is_that_of_what_is_missing(workspace, made):
         ("touch", "speed/latency.csv"),
         ("touch", "models/rnn/press-1/fit.json"),
         ("touch", "models/rnn/press-1/history.csv"),
-        ("glove_recorded", "probe.csv"),
     ],
 )
 def test_a_missing_file_is_named(workspace, made, unplotted, monkeypatch, experiment, missing):

@@ -1,5 +1,6 @@
 """Rows by unit say of presses and grasps what the scores say of all of them."""
 
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.scoring import metrics, shards, units
 
-SETS = {name: each for name, each in shards.read_sets(Workspace(ROOT)).items() if each.by_unit}
+SETS = {name: each for name, each in shards.read_sets(Workspace(ROOT)).items() if each.by_unit and not each.study}
 PLACE = ["protocol", "condition", "model", "seed"]
 
 
@@ -92,13 +93,14 @@ def of_persons(blocks: dict[str, list[float]]) -> pd.DataFrame:
 def test_units_of_persons_are_named_and_stay_within_a_person():
     """Frames of two persons in turn, more of one than there are blocks."""
     unit, person = np.arange(60), np.array(["P02", "P01"] * 25 + ["P02"] * 10)
-    names = np.asarray(units._named(unit, person))
+    names = np.asarray(units._named(*units._blocks(unit, person, units.MOST_OF_SUBJECT)))
     assert {name.rpartition("_")[0] for name in names} == {"unit_P01", "unit_P02"}
     for one, most in (("P01", 9), ("P02", 9)):
         own = names[person == one]
         numbers = [int(name.rpartition("_")[2]) for name in own]
         assert numbers == sorted(numbers) and set(numbers) == set(range(most)) and own[0] == f"unit_{one}_0"
-    assert np.asarray(units._named(np.array([7, 7, 9]), None)).tolist() == ["unit_0", "unit_0", "unit_1"]
+    block = units._blocks(np.array([7, 7, 9]), None, units.MOST_UNITS)
+    assert np.asarray(units._named(*block)).tolist() == ["unit_0", "unit_0", "unit_1"]
 
 
 def test_persons_are_drawn_before_what_is_theirs():
@@ -121,3 +123,85 @@ def test_the_same_persons_are_drawn_for_every_model_and_protocols_stand_together
     assert (units.drawn(alike, "error") - units.drawn(model.assign(value=alike["value"]), "error")).abs().max() < 0.4
     shuffled = pd.concat([model.iloc[12:], model.iloc[:12]])
     assert (units.drawn(shuffled, "error") == units.drawn(model, "error")).all()
+
+
+def of_rows(unit, subject=None) -> units.Units:
+    """Units of rows that are every second one of a dataset."""
+    return units.Units(2 * np.arange(len(unit)), np.asarray(unit), None if subject is None else np.asarray(subject))
+
+
+@pytest.mark.parametrize(("presses", "blocks"), [(3, 3), (10, 10), (11, 6), (37, 10)])
+def test_blocks_of_a_score_are_whole_presses_and_average_to_it(presses, blocks):
+    """Presses of different lengths, of which a score counts some of the samples."""
+    rng = np.random.default_rng(presses)
+    unit = np.repeat(np.arange(presses) + 40, rng.integers(2, 9, presses))
+    chosen = np.flatnonzero(rng.random(len(unit)) < 0.8)
+    loss = rng.uniform(0.001, 20, len(chosen))
+    text = of_rows(unit).written(2 * chosen, loss)
+    mean, count = np.array([pair.split(":") for pair in text.split()], float).T
+    assert len(mean) <= blocks and count.sum() == len(chosen)
+    assert (mean * count).sum() / count.sum() == pytest.approx(loss.mean(), rel=5e-4)
+    edges = np.cumsum(count)[:-1].astype(int)
+    assert (unit[chosen][edges - 1] != unit[chosen][edges]).all(), "no press is in two blocks"
+
+
+def test_blocks_are_of_one_person_each_and_persons_stand_apart():
+    person = np.array(["P02", "P01"] * 50)
+    loss = np.where(person == "P01", 1.0, 5.0)
+    text = of_rows(np.arange(100), person).written(2 * np.arange(100), loss)
+    assert text == " ".join(["1:10"] * 5) + " / " + " ".join(["5:10"] * 5)
+    many = np.array([f"P{k:02}" for k in range(12)])
+    assert of_rows(np.arange(12), many).written(2 * np.arange(12), np.ones(12)) == " / ".join(["1:1"] * 12)
+
+
+def test_what_is_between_presses_is_of_the_press_before():
+    table = pa.table({"condition": ["a"] * 6, "recording": ["r"] * 6, "press": [-1, 3, -1, 3, 8, -1]})
+    found = units.Units.of(np.arange(6), table, experiments.facts("strain_recorded"))
+    assert len(set(found.unit[1:4])) == 1 and len(set(found.unit)) == 3 and found.unit[4] == found.unit[5]
+
+
+def written(loss, count) -> str:
+    return " ".join(f"{one:.4g}:{n}" for one, n in zip(loss, count, strict=True))
+
+
+@pytest.mark.parametrize("metric", ["rmse", "error", "accuracy"])
+def test_blocks_drawn_anew_spread_as_the_mean_of_so_many_does(metric):
+    """Draws of 10 blocks: the standard error of their mean, less the share of one of ten; of rmse half of it."""
+    loss = np.linspace(0.5, 1.5, 10) if metric == "rmse" else np.linspace(0, 1, 10)
+    drawn, sizes = units.of_written(written(loss, [7] * 10), metric)
+    assert sizes == (10,) and len(drawn) == units.DRAWS
+    expected = loss.std() / np.sqrt(10) / (2 if metric == "rmse" else 1)
+    assert drawn.std() == pytest.approx(expected, rel=0.08)
+    assert drawn.mean() == pytest.approx(1.0 if metric == "rmse" else 0.5, abs=0.02)
+
+
+def test_larger_blocks_count_for_more():
+    drawn, _ = units.of_written("1:1000 9:1 9:1 9:1", "error")
+    assert np.median(drawn) < 1.1, "three of four draws have the large one"
+
+
+def test_persons_are_drawn_where_there_are_three_and_else_what_is_theirs():
+    three, sizes = units.of_written("1:5 1:5 / 4:5 4:5 / 7:5 7:5", "error")
+    assert sizes == (2, 2, 2) and set(np.round(three)) == {1, 2, 3, 4, 5, 6, 7}
+    two, sizes = units.of_written("1:5 1:5 / 4:5 4:5", "error")
+    assert sizes == (2, 2) and set(two) == {2.5}, "two persons tell nothing of others"
+    within = units.of_written("0:5 2:5 / 4:5 6:5", "error")[0]
+    assert set(within) == {2.0, 2.5, 3.0, 3.5, 4.0}
+
+
+def test_the_same_blocks_are_drawn_for_every_score():
+    loss, count = np.array([1.0, 4, 2, 8, 5]), [3, 4, 5, 6, 7]
+    one, other = (units.of_written(written(each, count), "error")[0] for each in (loss, 3 * loss + 1))
+    assert other == pytest.approx(3 * one + 1)
+
+
+@pytest.mark.parametrize("text", ["1:5", "0.01234:12 3.1e-05:7", "1:5 2:6 / 1e+04:9", ""])
+def test_what_is_written_has_the_form(text):
+    assert re.fullmatch(units.WRITTEN, text)
+
+
+@pytest.mark.parametrize(
+    "text", ["1", "1:0", "1:", "-1:4", "1.2.3:4", "nan:4", "1:5 /", "1:5  2:5", "1e999:3", "/ 1:5"]
+)
+def test_what_is_not_written_so_has_another_form(text):
+    assert not re.fullmatch(units.WRITTEN, text)

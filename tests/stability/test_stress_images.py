@@ -60,7 +60,8 @@ def test_severity_0_is_exactly_what_evaluate_found(workspace, project):
     block = params.load(ROOT / "params.yaml")["stress"]["glove"]
     asked = {(name, severity) for name, own in block["perturbations"].items() for severity in (0, *own)}
     assert len(reports) == 4 and {row[3:5] for row in found} == asked
-    for protocol, condition, seed, _, severity, metric, _, value, _ in found:
+    for protocol, condition, seed, _, severity, metric, _, value, _, blocks in found:
+        assert blocks == "", "grasps that are simulated are drawn anew by other seeds"
         if severity == 0:
             assert value == float(known[protocol, condition, str(seed), metric])
     level = {
@@ -203,6 +204,7 @@ def test_unchanged_images_are_not_predicted_again_and_failed_runs_have_no_number
         return np.repeat([[1.0, 0.0]], len(x), axis=0)
 
     run = stress_images.Run.__new__(stress_images.Run)
+    run.module = glove
     run.model, run.failed, run.modality = SimpleNamespace(predict=predict), False, "pressure"
     run.x, run.y = np.zeros((4, 1, images.SIDE**2), np.float32), np.eye(2)[[0, 1, 1, 1]]
     run.predicted = np.repeat([[0.0, 1.0]], 4, axis=0)
@@ -213,9 +215,9 @@ def test_unchanged_images_are_not_predicted_again_and_failed_runs_have_no_number
         assert modality == "pressure"
         return scores[0]
 
-    assert accuracy() == ("accuracy", "1", 0.75, 4) and not asked
+    assert accuracy() == ("accuracy", "1", 0.75, 4, "") and not asked
     pictures[0] = 1
-    assert accuracy() == ("accuracy", "1", 1.0, 4) and asked == [1]
+    assert accuracy() == ("accuracy", "1", 1.0, 4, "") and asked == [1]
     run.failed = True
     assert np.isnan(accuracy()[2])
 

@@ -35,6 +35,7 @@ def piece() -> series.Piece:
 def errors(predict, failed=False, seed=0, **plan) -> dict:
     """(perturbation, severity) -> (error, n) of a model, in the order in which they come."""
     run = stress_series.Run.__new__(stress_series.Run)
+    run.module = strain
     run.model, run.failed, run.seed, run.protocol = SimpleNamespace(predict=predict), failed, seed, "task_1"
     run.task, run.piece, run.levels = series.Task((2,), {"task_1": [0, 1]}, False, "task_0"), piece(), SEEN
     run.asked = {"perturbations": plan}
@@ -48,7 +49,7 @@ def errors(predict, failed=False, seed=0, **plan) -> dict:
         ]
         for severity, scored in every:
             ((_, scores),) = scored
-            found[name, severity] = next((v, n) for m, _, v, n in scores if m == "error")
+            found[name, severity] = next((v, n) for m, _, v, n, _ in scores if m == "error")
     return found
 
 
@@ -153,8 +154,8 @@ def test_severity_0_is_exactly_what_evaluate_found(workspace, project):
     found = loop.rows(workspace, project, "strain", "ridge", lambda: reports.append(1))
     clean = [row for row in found if row[4] == 0 and row[3] not in REGISTERED["strain"]]
     assert len(reports) == 4 and len(clean) == 4 * 4 * 2  # runs; perturbations, error and r2
-    for protocol, condition, seed, _, _, metric, _, value, _ in clean:
-        assert value == known[protocol, condition, str(seed), metric]
+    for protocol, condition, seed, _, _, metric, _, value, _, blocks in clean:
+        assert blocks == "" and value == known[protocol, condition, str(seed), metric]
     asked = params.load(ROOT / "params.yaml")["stress"]["strain"]["perturbations"]
     assert {(row[3], row[4]) for row in found} == {(name, s) for name, own in asked.items() for s in (0, *own)}
     worse = {row[3]: row[7] for row in found if row[0] == "task_1" and row[5] == "error" and row[4] > 0}

@@ -81,6 +81,20 @@ def stages(workspace, monkeypatch):
     return run
 
 
+def check_blocks(experiment, table):
+    """Blocks of a score under stress have, weighted by their counts, the score itself; other metrics have none."""
+    facts = experiments.facts(experiment)
+    main = table["metric"] == facts.metric
+    assert main.any() and table[~main]["blocks"].isna().all()
+    for row in table[main].itertuples():
+        persons = [[pair.split(":") for pair in part.split()] for part in row.blocks.split("/")]
+        loss, count = np.array([pair for part in persons for pair in part], float).T
+        mean = np.sum(loss * count) / np.sum(count)
+        assert (np.sqrt(mean) if facts.metric == "rmse" else mean) == pytest.approx(row.value, rel=5e-4), row
+        assert count.sum() == row.n and 1 < len(count) <= 10, row
+        assert (len(persons) == 2) == (facts.subject != ""), "a fold is tested on two persons"
+
+
 def settings(experiment, model):
     """params.yaml with one model and the protocols of PROTOCOLS for one experiment."""
     values = params.load(ROOT / "params.yaml")
@@ -102,6 +116,7 @@ def test_every_setting_of_recorded_data_is_read(workspace, experiment, stages, t
     MADE_ALL[experiment](tmp_path / "made")
     ignore_bookkeeping(monkeypatch.setattr)
     stages(experiment, tmp_path / "made", Noted(values, read), [latency, stress])
+    check_blocks(experiment, pd.read_csv(workspace.stress(experiment), dtype={"condition": str}))
     run_stage(monkeypatch, workspace, stress, experiment, "look")
     scores = pd.read_csv(workspace.scores(experiment))
     assert set(scores["protocol"]) == set(PROTOCOLS[experiment]) and np.isfinite(scores["value"]).any()

@@ -276,6 +276,7 @@ HOSTILE: dict[str, Change] = {
     "a stress of nobody": kept_value(STRESS, "model", "lomp"),
     "a stress of another budget": kept_value(STRESS, "budget", "full"),
     "an endless stress": kept_value(STRESS, "value", "inf"),
+    "blocks of no samples": kept_value(STRESS, "blocks", "2.5:0"),
     "a severity in words": kept_value(STRESS, "severity", "much"),
     "a linked kept file": link(DRAWN),
     "a pipe for stress": fifo(STRESS),

@@ -14,7 +14,7 @@ from jinja2 import Environment, StrictUndefined
 from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.claims import entries
+from pipeline.claims import entries, rules
 from pipeline.claims.rules import VERDICTS
 from pipeline.experiments import facts
 from pipeline.reporting import claims as claim_text
@@ -26,7 +26,7 @@ from pipeline.reporting.words import templates
 from pipeline.reporting.words.labels import capitalised, model_name
 from pipeline.reporting.words.markdown import interval, number
 from pipeline.scoring import published, shown
-from pipeline.scoring.claim_inputs import LOOK
+from pipeline.scoring.claim_inputs import FULL, LOOK
 from pipeline.scoring.one_table import Results
 from pipeline.scoring.results import LOG, SHARE, Estimate, estimate, scale_of
 
@@ -34,7 +34,7 @@ CHART = "answers.png"  # in reports/
 MARKS = ("<!-- answers: written by `python -m pipeline.stages.page` -->", "<!-- end of answers -->")
 BEYOND = "beyond the paper"  # in place of a verdict, where a finding is about no claim
 NOT_COMPUTED = "not computed yet"
-TOOLS = ("estimate", "printed", "ranked", "failures", "side", "drifting")  # of _Scores, for the findings
+TOOLS = ("estimate", "printed", "ranked", "pooled", "failures", "side", "drifting")  # of _Scores, for the findings
 
 
 class Finding(NamedTuple):
@@ -117,7 +117,7 @@ def write_readme(workspace: Workspace, found: list[Answer]) -> None:
 
 def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results: Results, values: Mapping) -> Answer:
     own = claims[claims["paper"] == paper.key].set_index("id")
-    scores = _Scores(results, paper.simulated, values[paper.simulated])
+    scores = _Scores(results, paper, values[paper.simulated])
     counted = claim_text.counted(own)
     table, places, heading, points, basis = _beside(scores, asked, own)
     return Answer(
@@ -141,9 +141,9 @@ def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results:
 class _Scores:
     """The evidence on one simulated experiment, beside what its paper prints; shares are in %."""
 
-    def __init__(self, results: Results, experiment: str, settings: Mapping):
-        self.results, self.experiment, self.settings = results, experiment, settings
-        self.paper = facts(experiment).paper
+    def __init__(self, results: Results, asked: entries.Paper, settings: Mapping):
+        self.results, self.experiment, self.settings = results, asked.simulated, settings
+        self.sources, self.paper = asked.sources, facts(asked.simulated).paper
         self.metric, self.units = self.paper.metric, self.paper.times
         self.models = list(published.PRINTED[self.paper.key])
 
@@ -167,6 +167,21 @@ class _Scores:
         """Return (name, mean) of the paper's models, the best first."""
         means = [(model_name(at), self.estimate(protocol, condition, at).mean) for at in self.models]
         return sorted(means, key=lambda pair: pair[1], reverse=self.units == 100)
+
+    def pooled(self, data: str, condition: str, metric: str = "") -> dict[str, Estimate]:
+        """Return model -> a score over all splits of recordings together, with its interval, the lowest first.
+
+        data: as claims name it; a model that lacks a split is left out. Raises Absent where all do.
+        """
+        source = self.sources[data]
+        metric, models = metric or source.metric, self.results.rows(experiment=source.experiment)["model"].unique()
+        places = {model: (source.experiment, source.protocol, condition, model, metric, "", FULL) for model in models}
+        draws = {model: self.results.draws(*place) for model, place in places.items()}
+        found = {model: rules.interval(values) for model, values in draws.items() if len(values)}
+        if not found:
+            raise Absent
+        found = {model: each.percent() if scale_of(metric) == SHARE else each for model, each in found.items()}
+        return dict(sorted(found.items(), key=lambda pair: pair[1].mean))
 
     def failures(self, conditions: Mapping[str, str], model: str) -> tuple[int, int]:
         """Return how many trainings failed, and of how many; conditions: protocol -> the condition that shows it.
@@ -249,7 +264,7 @@ def _finding(scores: _Scores, asked: Mapping[str, str], own: pd.DataFrame) -> Fi
     """Return a finding of content.yaml with its numbers, or that they are not computed yet."""
     name = asked.get("claim", "")
     if name and name not in own.index:
-        return Finding(f"{NOT_COMPUTED.capitalize()}.", BEYOND, "")
+        return Finding(asked.get("absent", f"{NOT_COMPUTED.capitalize()}."), BEYOND, "")
 
     def claim(key: str) -> pd.Series:
         if key not in own.index or np.isnan(own.loc[key, "ours"]):
@@ -257,7 +272,7 @@ def _finding(scores: _Scores, asked: Mapping[str, str], own: pd.DataFrame) -> Fi
         return own.loc[key]
 
     environment = Environment(undefined=StrictUndefined)  # it is escaped where it becomes HTML
-    environment.filters["number"] = number
+    environment.filters |= {"number": number, "interval": interval, "model_name": model_name}
     environment.globals |= {key: getattr(scores, key) for key in TOOLS} | {"claim": claim}
     try:
         text = " ".join(environment.from_string(asked["text"]).render().split())

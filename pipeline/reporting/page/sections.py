@@ -83,7 +83,7 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     index = fill("page", heading=HEADING, contents=contents, body=[*first, provenance(workspace, data)])
     body, contents = [], [("index.html", "Answers", [])]
     for key, paper in papers.items():
-        inner = [name for name in (paper.simulated, paper.recorded) if name in shown]
+        inner = [name for name in (paper.simulated, *paper.recorded) if name in shown]
         parts = [experiment(workspace, name, shown[name], data[name], speeds.get(name)) for name in inner]
         if inner:
             body.append(fill("paper", key=key, title=paper.title, sections=parts))

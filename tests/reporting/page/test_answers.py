@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 import yaml
-from builders import made_evidence
+from builders import made_array, made_evidence
 from builders.project import ROOT
 
 from pipeline.base import params
@@ -70,14 +70,36 @@ def test_a_table_and_findings_say_the_evidence(reported):
         and "geometric mean [95 % interval]" in touch.basis
         and "budget full" in touch.basis
     )
-    best, messages, linear, stream = touch.findings
+    best, array, messages, beyond = touch.findings
     assert best.verdict == "reproduced" and "8.3 kPa" in best.text and "ConvLSTM, has 10.0 kPa" in best.text
-    assert "less often than LoMP" in linear.text and "1.7 times LoMP's error" in linear.text
+    assert "less often than LoMP" in beyond.text and "1.7 times LoMP's error" in beyond.text
+    assert array.text == "What LoMP shows of several fingers on a recorded array is not computed yet."
     assert messages.text.startswith("Not computed yet")
-    assert "4 of the 6 trainings of streaming LoMP" in stream.text, "one above the constant model is a failed one"
+    assert "4 of the 6 trainings of streaming LoMP" in beyond.text, "one above the constant model is a failed one"
     assert {at.model for at in touch.points["Two touches"]} == set(CONTENT_MODELS) | {"lomp", "convlstm"}
     assert strain.table.rows[0][1:] == ["0.43", "27.00"] and answers.NOT_COMPUTED in strain.basis
     assert "not computed yet" in strain.findings[0].text
+
+
+@pytest.mark.parametrize(
+    ("errors", "words"),
+    [
+        ({}, "so that LoMP is first on one and two and three;"),
+        ({"rbf": (4.4, 8.1, 9.4), "linear_array": (5.5, 6.0, 9.0)}, "so that LoMP is first on three;"),
+        ({"lomp": (9.9, 9.9, 9.9)}, "so that LoMP is first on none;"),
+    ],
+)
+def test_the_recorded_array_stands_beside_the_simulated_numbers(reported, errors, words):
+    """Errors of all folds together; the best others are of other kinds than LoMP."""
+    table = pd.concat([of_touch(FULL).table, made_array.table(**errors)], ignore_index=True)
+    results = one_table.Results(table.reindex(columns=[*COLUMNS, one_table.WHOLE]))
+    touch, *_ = answers.answers(reported, judged(), results, CONTENT, VALUES)
+    text = touch.findings[1].text
+    assert words in text and "It shows both contacts in 95 % of frames, the CNN in 41 %." in text
+    if not errors:
+        assert "of 4.8 [4.6, 4.9] % on one contact, 6.3 [6.1, 6.5] on two and 7.6 [7.3, 7.8] on three" in text
+        assert "The best others have 4.9 [4.7, 5.0] (RBF-Net), 7.7 [7.4, 7.9] (Linear, whole array) and 9.3" in text
+        assert "with one read-out for all elements it has 4.6, 6.2, 7.5." in text
 
 
 def test_the_look_is_no_evidence(reported):
