@@ -206,10 +206,11 @@ def persons(report: Report, protocols: Sequence[str], condition: str) -> pd.Data
         known = known[known["budget"].isin(["", report.results.shown(report.experiment, protocol)])]
         known = known[~known["variant"].str.contains("/")]  # of a variant
         for person, own in known.groupby(known["variant"].map(person_of)):
-            value = rules.interval(units.drawn(own, MAIN))._replace(runs=own["seed"].nunique())
+            square, n = own.groupby("variant")["value"].mean(), own.groupby("variant")["n"].first()
+            mean, runs = float(np.sqrt(np.average(square, weights=n))), own["seed"].nunique()
+            value = rules.interval(units.drawn(own, MAIN))._replace(mean=mean, runs=runs)
             value = value if value.low < value.high else value._replace(low=np.nan, high=np.nan)
-            n = own.groupby("variant")["n"].first().sum()
-            rows.append((protocol, person, condition, model, MAIN, UNITS[MAIN], *value, n))
+            rows.append((protocol, person, condition, model, MAIN, UNITS[MAIN], *value, n.sum()))
     return pd.DataFrame(rows, columns=PERSONS)
 
 
