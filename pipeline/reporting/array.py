@@ -54,7 +54,7 @@ def contacts(workspace: Workspace, folder: Path, settings: Mapping, report: Repo
     by_person = persons(report, groups[group_of(main)], several)
     files.write_table(folder / "persons.csv", by_person)
     draw(report, folder, main, headings)
-    trained = {f"{plain(name)}, {FOLDS[group]}": name for group, (name, *_) in groups.items()}
+    trained = {f"fold {name.rpartition('_')[2]}, {FOLDS[group]}": name for group, (name, *_) in groups.items()}
     common_parts.learning_curves(report, folder / "learning_curves.png", trained, "(% contact)²")
     said = {
         "main": group_of(main), "several": several, "groups": groups, "conditions": conditions, "words": words,
