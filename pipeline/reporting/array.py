@@ -54,7 +54,7 @@ def contacts(workspace: Workspace, folder: Path, settings: Mapping, report: Repo
     by_person = persons(report, groups[group_of(main)], several)
     files.write_table(folder / "persons.csv", by_person)
     draw(report, folder, main, headings)
-    trained = {f"{plain(name)}, {FOLDS[group]}": name for group, (name, *_) in groups.items()}
+    trained = {f"fold {name.rpartition('_')[2]}, {FOLDS[group]}": name for group, (name, *_) in groups.items()}
     common_parts.learning_curves(report, folder / "learning_curves.png", trained, "(% contact)²")
     said = {
         "main": group_of(main), "several": several, "groups": groups, "conditions": conditions, "words": words,
@@ -133,8 +133,12 @@ def pooled(
 
 def ratio(report: Report, protocols: Sequence[str], variant: str, main: Sequence[str], *place: str) -> Estimate:
     """Return a pooled error over that of the main folds, paired by draw; place: condition and model."""
-    one, over = found(report, protocols, *place, MAIN, variant)[0], found(report, main, *place, MAIN, "")[0]
-    return NOTHING if one.empty or over.empty else rules.interval(one / over)
+    one, runs = found(report, protocols, *place, MAIN, variant)
+    over, others = found(report, main, *place, MAIN, "")
+    if one.empty or over.empty:
+        return NOTHING
+    good = np.isfinite(np.concatenate([*runs, *others]))
+    return rules.interval(one / over)._replace(runs=int(good.sum()), failed=int((~good).sum()))
 
 
 def pooled_scores(report: Report, groups: Mapping[str, Sequence[str]], main: str, names: Iterable[str]) -> pd.DataFrame:
@@ -202,10 +206,11 @@ def persons(report: Report, protocols: Sequence[str], condition: str) -> pd.Data
         known = known[known["budget"].isin(["", report.results.shown(report.experiment, protocol)])]
         known = known[~known["variant"].str.contains("/")]  # of a variant
         for person, own in known.groupby(known["variant"].map(person_of)):
-            value = rules.interval(units.drawn(own, MAIN))._replace(runs=own["seed"].nunique())
+            square, n = own.groupby("variant")["value"].mean(), own.groupby("variant")["n"].first()
+            mean, runs = float(np.sqrt(np.average(square, weights=n))), own["seed"].nunique()
+            value = rules.interval(units.drawn(own, MAIN))._replace(mean=mean, runs=runs)
             value = value if value.low < value.high else value._replace(low=np.nan, high=np.nan)
-            n = own.groupby("variant")["n"].first().sum()
-            rows.append((protocol, person, condition, model, MAIN, UNITS[MAIN], *value, n))
+            rows.append((protocol, person, condition, model, MAIN, UNITS[MAIN], *value, n.sum()))
     return pd.DataFrame(rows, columns=PERSONS)
 
 

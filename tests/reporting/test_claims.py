@@ -77,6 +77,6 @@ def test_every_claim_that_a_report_asks_for_is_there(workspace):
     known = {claim.id.split("/")[1] for claim in entries.read(workspace)[0]}
     texts = [path.read_text() for path in (paths.CODE / "reporting" / "templates").glob("*.md")]
     asked = {
-        name for text in texts for names in re.findall(r"r\.verdicts\((.*?)\)", text) for name in names.split(", ")
+        name for text in texts for names in re.findall(r"r\.verdicts\((.+?)\)", text) for name in names.split(", ")
     }
     assert len(asked) > 60 and {name.strip('"') for name in asked} <= known

@@ -46,7 +46,7 @@ STYLES = {  # colour, marker, line
     "rnn": (BLUE, "<", (0, (5, 1.5))),
     "lomp": (VERMILION, "*", "-"),
     "lomp_stream": (INDIGO, "d", (0, (5, 1.5))),
-    "lomp_shared": (VERMILION, "d", "--"),
+    "lomp_shared": (INDIGO, "d", "--"),
     "ridge": (ORANGE, "o", "-"),
     "esn": (GREEN, "v", "-."),
     "lstm_direct": (BLUE, "s", "-"),
