@@ -28,6 +28,7 @@ def evidence() -> one_table.Results:
 EXPECTED = {  # of these made-up numbers
     "growth-linear-array": CONTRADICTED,  # 1.31, where the paper says that it about doubles
     "growth-poly-array": CONTRADICTED,
+    "rbf-one": CONTRADICTED,  # 4.7 % against 4.8 of the CNN
 }
 
 
