@@ -164,14 +164,10 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
         tables.append(pd.DataFrame(units.rows(own, experiment, values[experiment], each.by_unit)))
     rows = pd.concat(tables).reindex(columns=claim_inputs.COLUMNS).astype({"variant": object})
     rows = rows[rows["metric"] != MEASURED]
-    if each.variant:  # what has a variant of its own, such as a pair of objects, would stand beside that of the tables
-        of_unit = rows["metric"].str.endswith(units.SUFFIX)
-        rows = rows[of_unit | rows["variant"].isna()]
-        rows["variant"] = rows["variant"].radd(f"{each.variant}/")
+    rows = in_variant(rows, each.variant)
     models = values[experiment]["models"]
     trained = {model for model in models if "training" in models[model] or params.transfers(model)}  # from a network
     rows["budget"] = [shard.budget if model in trained else "" for model in rows["model"]]
-    rows["variant"] = rows["variant"].fillna(each.variant)
     rows["protocol"] = rows["protocol"].fillna(each.protocols[0])  # of the data of a set, not of all
     files.write_table(result, rows.astype({"seed": "Int64"}), missing="nan")
     if stressed(shard, each):
@@ -183,6 +179,17 @@ def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, va
     shards.upsert(target / "times.csv", shards.TIMES, shard.name, [{"shard": shard.name, **row} for row in times])
     index(workspace, own, shard, each, values["device"], shards.digest([result]), core_s)
     print(f"{shard.name}: {len(rows)} numbers, {core_s / 60:.1f} core-minutes")
+
+
+def in_variant(rows: pd.DataFrame, variant: str) -> pd.DataFrame:
+    """Return the rows of a set as those of its variant, "" where it has none; a unit stands after it.
+
+    What else has a variant of its own, such as a pair of objects, would stand beside the tables' own, and is dropped.
+    """
+    if not variant:
+        return rows.assign(variant=rows["variant"].fillna(""))
+    kept = rows[rows["metric"].str.endswith(units.SUFFIX) | rows["variant"].isna()]
+    return kept.assign(variant=kept["variant"].radd(f"{variant}/").fillna(variant))
 
 
 def keep(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet) -> None:

@@ -14,6 +14,7 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.rules import CONTRADICTED, REPRODUCED, UNDECIDED, interval
 from pipeline.scoring import one_table, shards
+from pipeline.stages import shard
 
 CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / "lomp.yaml"])
 BY_ID = {claim.id: claim for claim in CLAIMS}
@@ -150,3 +151,22 @@ def test_what_names_no_recordings_or_no_control_is_said(workspace, tmp_path, dat
     with pytest.raises(InputError) as error:
         entries.read(workspace, [entries.FOLDER / "lomp.yaml", file])
     assert words in str(error.value) and "claim mine" in str(error.value)
+
+
+def test_a_set_that_is_a_variant_keeps_its_rows_by_unit_as_its_own():
+    """Beside those of the tables, which have the same names; a pair of objects, which is no unit, is left out."""
+    rows = made_array.table()
+    rows = rows[rows["model"].eq("lomp") & ~rows["variant"].str.startswith("alpha_0")]
+    written = rows.assign(variant=rows["variant"].astype(object).where(rows["variant"] != ""))  # scores have none
+    pair = written.head(1).assign(metric="confusion", variant="cup_and_can")
+    varied = shard.in_variant(pd.concat([written.assign(value=2 * written["value"]), pair]), "twice")
+    assert set(varied["metric"]) == set(rows["metric"]) and len(varied) == len(rows)
+    tables = shard.in_variant(written, "")
+    assert tables["variant"].tolist() == rows["variant"].tolist()
+    results = one_table.Results(pd.concat([tables, varied]))
+    twice, once = (
+        results.draws("array_recorded", FOLDS, "two", "lomp", "touches_found", name, "") for name in ("twice", "")
+    )
+    assert (twice / once).to_numpy() == pytest.approx(2)
+    values, _ = results.found("array_recorded", "fold_0", "two", "lomp", "rmse", "twice", "")
+    assert values.tolist() == [12.2] * 3
