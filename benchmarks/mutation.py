@@ -55,7 +55,7 @@ CHOSEN = {
     "studies/variants.py": ("run fit of_base rows", f"{SELECTION} studies/test_variants.py"),
     "studies/joined_frames.py": ("scores", "studies/test_input_frames.py"),
     "studies/latent.py": ("decoded", f"{SERIES} studies/test_latent.py"),
-    "studies/joint_angles.py": ("probe", "experiments/test_glove_recorded.py"),
+    "studies/joint_angles.py": ("named", "experiments/test_glove_recorded.py"),
     "learning/training.py": ("run_epochs rate_at", "learning/test_training.py general/test_contract_of_models.py"),
     "learning/regressors.py": ("fit update zero_linear _of_an_epoch", "learning/test_regressors.py"),
     "learning/image_classifier.py": ("augmented train_on", "learning/test_image_classifier.py"),
