@@ -95,7 +95,7 @@ def test_the_recorded_array_stands_beside_the_simulated_numbers(reported, errors
     results = one_table.Results(table.reindex(columns=[*COLUMNS, one_table.WHOLE]))
     touch, *_ = answers.answers(reported, judged(), results, CONTENT, VALUES)
     text = touch.findings[1].text
-    assert words in text and "It shows both contacts in 95 % of frames, the CNN in 41 %." in text
+    assert words in text and "LoMP shows both contacts in 95 % of frames, the CNN in 41 %." in text
     if not errors:
         assert "of 4.8 [4.6, 4.9] % on one contact, 6.3 [6.1, 6.5] on two and 7.6 [7.3, 7.8] on three" in text
         assert "The best others have 4.9 [4.7, 5.0] (RBF-Net), 7.7 [7.4, 7.9] (Linear, whole array) and 9.3" in text
