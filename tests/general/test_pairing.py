@@ -87,7 +87,7 @@ def test_ratios_and_findings_of_a_report(workspace):
     ratio = Report.ratio(SimpleNamespace(experiment="touch", results=table), *places)
     assert (ratio.low, ratio.high) == pytest.approx(tuple(np.exp(interval(np.log(ONE / OTHER)))))
     assert ratio.mean == pytest.approx(np.exp(np.log(ONE / OTHER).mean())) and ratio.runs == 3
-    found = answers._Scores(table, "touch", {})
+    found = answers._Scores(table, SimpleNamespace(simulated="touch", sources={}), {})
     assert found.side("press", "single", *LEVELS) == 1 and found.side("press", "single", *reversed(LEVELS)) == -1
 
 
