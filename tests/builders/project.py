@@ -18,6 +18,7 @@ import pytest
 import yaml
 
 from pipeline.base import files, modules, params
+from pipeline.base.availability import why_not_run
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.base.processes import ONE_THREAD
@@ -170,6 +171,7 @@ def copy_code(folder: Path) -> None:
 SHARED = ("ingest_recorded@velostat_recorded", "count")  # of seconds
 HALVES = (
     ["claim_inputs@touch", "latency@touch", "latency@velostat_recorded", "latency@strain_recorded"]
+    + ["latency@array_recorded", "stress@array_recorded"]
     + ["stress@touch", "stress@velostat_recorded", "stress@strain_recorded"],
     ["claim_inputs@strain", "claim_inputs@glove", "latency@strain", "latency@glove", "latency@glove_recorded"]
     + ["stress@strain", "stress@glove", "stress@glove_recorded"],
@@ -240,6 +242,7 @@ def run_studies(project: Project) -> None:
     computed = {(study, each.experiment): name for name, each in sets.items() if (study := shards.study(each))}
     for seed in (0, 1):
         asked = [place for place in sorted(computed) if seed < sets[computed[place]].seeds]
+        asked = [(study, one) for study, one in asked if study == "latency" or why_not_run(workspace, one) is None]
         project.stages(*(f"studies.{study} {experiment} {seed}" for study, experiment in asked))
         for experiment in ("touch", "strain", "glove"):
             for table in workspace.study_result(experiment, "any").parent.glob("*.csv"):
