@@ -26,7 +26,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from pipeline import experiments
-from pipeline.base import paths
+from pipeline.base import foreign, paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, labels, schemas, series, specimens
 from pipeline.experiments import glove
@@ -167,7 +167,8 @@ def _windows(workspace: Workspace, experiment: str, settings: Mapping) -> Iterat
     for protocol in drawn:
         split = schemas.split_column(protocol, FIRST)
         names = ["condition", "recording", "press", "t_s", "x_mm", "y_mm", "x", "y", split]
-        pressed = "force_n" in pq.read_schema(path).names
+        with foreign.reading(path, "a dataset", f"run `python -m pipeline.stages.dataset {experiment}`"):
+            pressed = "force_n" in pq.read_schema(path).names
         names += ["force_n"] if pressed else []
         whole = read_windows(workspace, experiment, names, pc.field(split).cast(pa.string()) == "test")
         test = _tested(path, protocol)
