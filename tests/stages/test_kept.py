@@ -73,7 +73,8 @@ def test_the_recorded_side_of_a_comparison_stays(workspace, tmp_path):
         [("touch", "noise", "1", 1 / 3, 0.1, 3.0, 9.0, 9.0, 9.0, False, "", "")], columns=studies.SUMMARY
     )
     kept.to_csv(workspace.reports / "twins.csv", index=False)
-    touch, strain, glove = studies.twins(workspace, folder, {}).to_dict("records")
+    rows = {row["experiment"]: row for row in studies.twins(workspace, folder, {}).to_dict("records")}
+    touch, strain, glove = (rows[name] for name in ("touch", "strain", "glove"))
     assert (touch["recorded"], touch["recorded_high"], touch["simulated"], touch["inside"]) == (1 / 3, 3.0, 2.0, True)
     assert pd.isna(strain["recorded"]) and pd.isna(glove["inside"])
     assert [path.name for path in folder.glob("*.png")] == ["touch.png"]
