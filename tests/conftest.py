@@ -39,9 +39,15 @@ def miniature_under_way(request, tmp_path_factory) -> Callable[[], Project]:
     wanted = any("miniature" in item.fixturenames for item in request.session.items)
     worker, folder = os.environ.get("PYTEST_XDIST_WORKER"), tmp_path_factory.getbasetemp()
     made = (folder.parent if worker else folder) / "miniature.pickle"
+    failed = made.with_suffix(".failed")
 
     def make() -> Project:
-        project, draft = run_miniature(tmp_path_factory.mktemp("miniature")), made.with_suffix(".draft")
+        try:
+            project = run_miniature(tmp_path_factory.mktemp("miniature"))
+        except BaseException:
+            failed.touch()
+            raise
+        draft = made.with_suffix(".draft")
         draft.write_bytes(pickle.dumps(project))
         draft.rename(made)
         return project
@@ -50,8 +56,10 @@ def miniature_under_way(request, tmp_path_factory) -> Callable[[], Project]:
         for _ in range(WAIT_S):
             if made.exists():
                 return pickle.loads(made.read_bytes())
+            if failed.exists():
+                break
             time.sleep(1)
-        raise TimeoutError("the process of tests that makes the miniature did not")
+        raise RuntimeError("the process of tests that makes the miniature did not")
 
     with ThreadPoolExecutor() as pool:
         yield wait if worker not in (None, "gw0") else pool.submit(make).result if wanted else None

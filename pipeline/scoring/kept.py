@@ -23,10 +23,9 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from pipeline import experiments
-from pipeline.base import foreign, paths
+from pipeline.base import paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, labels, schemas, series, specimens
 from pipeline.experiments import glove
@@ -166,11 +165,8 @@ def _windows(workspace: Workspace, experiment: str, settings: Mapping) -> Iterat
     path, label, drawn = workspace.dataset(experiment), settings["label"], _drawn(experiment, settings)
     for protocol in drawn:
         split = schemas.split_column(protocol, FIRST)
-        names = ["condition", "recording", "press", "t_s", "x_mm", "y_mm", "x", "y", split]
-        with foreign.reading(path, "a dataset", f"run `python -m pipeline.stages.dataset {experiment}`"):
-            pressed = "force_n" in pq.read_schema(path).names
-        names += ["force_n"] if pressed else []
-        whole = read_windows(workspace, experiment, names, pc.field(split).cast(pa.string()) == "test")
+        whole = read_windows(workspace, experiment, where=pc.field(split).cast(pa.string()) == "test")
+        pressed = "force_n" in whole.column_names
         test = _tested(path, protocol)
         truth = schemas.matrix(whole["y"])
         alone = truth.shape[1] == 1

@@ -99,6 +99,7 @@ class Project:
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
             "PYTHONPATH": str(self.folder),
             "WORKERS": "1",  # for runs this small, starting processes costs more than it saves
+            "PYTHONFAULTHANDLER": "1",
             "DVC_NO_ANALYTICS": "1",
             "DVC_GLOBAL_CONFIG_DIR": str(folder / "global"),
             "DVC_SYSTEM_CONFIG_DIR": str(folder / "system"),
@@ -133,11 +134,12 @@ class Project:
         return float(self.run("-c", code, *lines).stdout.split()[-1])
 
     def run(self, *arguments: str, check: bool = True) -> subprocess.CompletedProcess:
-        """Run this Python in the copy; with `check`, a failure shows what it printed."""
+        """Run this Python in the copy; with `check`, a failure shows what it printed, or the signal that ended it."""
         done = subprocess.run(
             [sys.executable, *arguments], cwd=self.folder, env=self.environment, capture_output=True, text=True
         )
-        assert not check or done.returncode == 0, f"{arguments}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
+        said = f"status {done.returncode} of {arguments}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
+        assert not check or done.returncode == 0, said
         return done
 
 

@@ -1,6 +1,6 @@
 """The ingest stage: faults at known lines end up in the rejects table, everything else in the frames."""
 
-import hashlib
+import itertools
 import json
 import re
 
@@ -289,7 +289,8 @@ def velostat(workspace, repetition, seconds=5.0, per_n=-0.5):
     return path
 
 
-VELOSTAT_SETTINGS = params.load(ROOT / "params.yaml")["velostat_recorded"]
+VALUES = params.load(ROOT / "params.yaml")
+VELOSTAT_SETTINGS = VALUES["velostat_recorded"]
 
 
 def test_velostat_recordings_share_a_clock(workspace, monkeypatch):
@@ -361,20 +362,23 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_one_file_of_a_source_that_is_not_right_stops_the_stage(workspace, experiment, damage, monkeypatch):
     """What an earlier run wrote stays: DVC would take an empty table for the result."""
-    listed = sorted(sources.files(experiment))[:5]
-    for path in listed:
-        (sources.folder(workspace, experiment) / path).parent.mkdir(parents=True, exist_ok=True)
-        (sources.folder(workspace, experiment) / path).write_text(path)
-    digests = {path: hashlib.sha256(path.encode()).hexdigest() for path in listed}
+    at, listed = sources.folder(workspace, experiment), sorted(sources.files(experiment))[:5]
+    there = {name: {path: at / path for path in sources.members(name)} for name in listed}
+    for path, place in itertools.chain.from_iterable(each.items() for each in there.values()):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(path)
+    digests = {name: sources.digest(each) for name, each in there.items()}
     monkeypatch.setattr(sources, "files", lambda name: digests)
     assert sources.is_complete(workspace, experiment)
     report = workspace.ingest_report(experiment)
     report.parent.mkdir(parents=True)
     report.write_text("of an earlier run")
-    path = sources.folder(workspace, experiment) / listed[len(listed) // 2]
+    name = listed[len(listed) // 2]
+    path = list(there[name].values())[len(there[name]) // 2]
     DAMAGES[damage](path)
-    with pytest.raises(InputError, match=rf"^{re.escape(str(path))}: is .*`tactile fetch {experiment}`"):
-        ingest.ingest(workspace, experiment, VELOSTAT_SETTINGS)
+    said = rf"{re.escape(str(path))}: is|{re.escape(str(at / name))}: are"  # the second of numbered files together
+    with pytest.raises(InputError, match=rf"^({said}) .*`tactile fetch {experiment}`"):
+        ingest.ingest(workspace, experiment, VALUES[experiment])
     assert report.read_text() == "of an earlier run"
     assert [one.name for one in report.parent.iterdir()] == ["ingest.json"]
 
