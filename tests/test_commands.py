@@ -121,6 +121,8 @@ def loosen(parser: argparse.ArgumentParser) -> None:
                 loosen(command)
         elif action.choices is not None:
             action.choices = Words(action.choices)
+        elif isinstance(action.type, arguments.OneOf):
+            action.type.known = Words(action.type.known)
         elif action.type is int:
             action.type = lambda word: word if OPEN.fullmatch(word) else int(word)
 

@@ -5,7 +5,7 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -26,6 +26,25 @@ def _workspace(text: str) -> Workspace:
     if not Path(text).is_dir():
         raise argparse.ArgumentTypeError(f"there is no folder {text}")
     return Workspace(Path(text))
+
+
+class OneOf:
+    """Reads an argument that has to be one of some words; `what` they are, for the sentence on another."""
+
+    def __init__(self, what: str, known: Collection[str]):
+        self.what, self.known = what, known
+
+    def __call__(self, word: str) -> str:
+        if word not in self.known:
+            from pipeline.base.params import hint  # here: it takes longer than all else of the help
+
+            raise argparse.ArgumentTypeError(f"there is no {self.what} '{word}'; {hint(word, self.known)}")
+        return word
+
+
+def one_of(what: str, known: Collection[str]) -> dict:
+    """Return the keywords of an argument that has to be one of these words."""
+    return {"type": OneOf(what, tuple(known)), "metavar": f"{{{','.join(known)}}}"}
 
 
 QUIET = {"-q", "--quiet"}

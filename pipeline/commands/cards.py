@@ -2,6 +2,10 @@
 
 pretrained/EXPERIMENT/MODEL/README.md says in words what the model is for, how large its error is and on what, where it
 fails, and how it is made again. To be called after the evidence, reports/stress.csv or a pretrained model has changed.
+
+Examples:
+
+    tactile cards
 """
 
 import argparse

@@ -4,6 +4,11 @@ The formats, the alignment and the splits are the experiment's own, with the val
 FOLDER/settings.yaml sets for this sensor, where there is one, by dotted keys such as `touch.sensor.rows: 4`. Nothing is
 changed but data/<experiment>/check.png, a picture of the first recordings. Ends with "ready" and status 0, or with the
 first thing to fix and status 1.
+
+Examples:
+
+    tactile check data/own/finger
+    tactile check touch data/sample
 """
 
 import argparse
@@ -237,7 +242,7 @@ def kinds_of(folder: Path) -> list[str]:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the experiment and the folder of logs to the parser of this command."""
     kinds = "what the logs are of, where their names or settings.yaml do not tell it"
-    parser.add_argument("experiment", nargs="?", choices=tuple(experiments.having("log")), help=kinds)
+    parser.add_argument("experiment", nargs="?", **arguments.one_of("sensor", experiments.having("log")), help=kinds)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger")
     arguments.add_output(parser)
 

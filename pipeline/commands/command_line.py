@@ -2,7 +2,8 @@
 
 Each command of `tactile` is a module of this room: its `add_arguments(parser)`, if there is one, says what the command
 takes, and its `main(workspace, given)` runs it with the arguments given. Only the module of the command that is called
-is imported; `tactile --help` reads the first line of the others. `--help` behind a command says more.
+is imported; `tactile --help` reads the first line of the others. `tactile help COMMAND` prints the docstring, which
+ends with examples.
 """
 
 import argparse
@@ -25,6 +26,7 @@ GROUPS = {  # heading of the help -> command -> its module
         "live": "live",
         "export": "export",
         "inspect": "inspect",
+        "models": "models",
     },
     "Your own sensor": {
         "import": "import_logs",
@@ -46,6 +48,7 @@ GROUPS = {  # heading of the help -> command -> its module
     },
 }
 COMMANDS = {command: module for commands in GROUPS.values() for command, module in commands.items()}
+HELP = "help"
 PACKAGE = "tactile-reproduction"
 WIDTH, COLUMN = 100, 15  # characters of a line of the help, and before the words on a command
 
@@ -57,12 +60,15 @@ def parser_of(called: Collection[str]) -> argparse.ArgumentParser:
         usage="tactile COMMAND ...",
         description=_words("command_line").partition("\n")[0],
         epilog="\n\n".join(_group(heading, commands) for heading, commands in GROUPS.items())
-        + "\n\n`--help` behind a command says more. A first look: `tactile demo`.",
+        + "\n\n`tactile help COMMAND` says more, with examples. A first look: `tactile demo`.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="store_true", help="print the version and the commit, and exit")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", help=argparse.SUPPRESS)
+    commands = parser.add_subparsers(
+        prog="tactile", dest="command", required=True, metavar="COMMAND", help=argparse.SUPPRESS
+    )
+    commands.add_parser(HELP).add_argument("of", nargs="?", metavar="COMMAND")  # which `main` turns into --help
     for name, module in COMMANDS.items():
         command = commands.add_parser(name)
         if name in called:
@@ -108,7 +114,10 @@ def version() -> str:
 
 def main() -> None:
     """Run the command named on the command line; a wrong one ends with a sentence and exit status 2."""
-    name = next(iter(sys.argv[1:]), "--help")
+    words = sys.argv[1:]
+    if words[:1] == [HELP]:
+        words = [*words[1:2], "--help"]
+    name = next(iter(words), "--help")
     if name == "--version":
         print(version())
         return
@@ -117,13 +126,13 @@ def main() -> None:
 
         print(f"error: there is no command '{name}'; {hint(name, COMMANDS)}", file=sys.stderr)
         sys.exit(2)
-    if odd := next((word for word in sys.argv[1:] if "\0" in word), None):
+    if odd := next((word for word in words if "\0" in word), None):
         print(f"error: {ascii(odd)}: no name of a file or folder has a NUL character; give another", file=sys.stderr)
         sys.exit(2)
-    if arguments.QUIET & set(sys.argv[2:]) or not sys.stderr.isatty():  # in a file a bar is a line of every step of it
+    if arguments.QUIET & set(words[1:]) or not sys.stderr.isatty():  # in a file a bar is a line of every step of it
         os.environ["TQDM_DISABLE"] = "1"  # read when tqdm is imported
     try:
-        given = parser_of([name]).parse_args(sys.argv[1:] or [name])
+        given = parser_of([name]).parse_args(words or [name])
         with arguments.silenced(given):
             run_stage(lambda: given.main(given.root, given), given.root.params)
     except KeyboardInterrupt:  # while modules are imported, which takes seconds

@@ -3,6 +3,10 @@
 The models of the first seed of every protocol of the settings, trained before, are calibrated on their validation part,
 as `tactile export` does it, and tested on their test part: reports/coverage/EXPERIMENT.csv, and README.md beside it for
 people. Models of series that were fitted to their validation part, too, are fitted again without it, once.
+
+Examples:
+
+    tactile coverage touch
 """
 
 import argparse

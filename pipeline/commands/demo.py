@@ -4,6 +4,11 @@ Two tips press a 5 x 5 array of Velostat for 18 s (data/sample, simulated). LoMP
 alone, turns every reading into a map of pressure, which is scored against the load cells. OUT gets what `tactile
 predict` writes: a picture, an animation, the predictions and a summary. With --live, the recording is replayed again
 and again on the page of `tactile live`, until Ctrl-C.
+
+Examples:
+
+    tactile demo
+    tactile demo --live
 """
 
 import argparse

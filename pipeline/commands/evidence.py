@@ -4,6 +4,11 @@ A shard is one seed of an experiment at one budget of training, all its models, 
 evidence/shards.yaml lists them, in the order in which they are computed. What is up to date is not computed again, and
 a shard that would not end within the minutes left is not begun. Ctrl-C loses the shard that runs, and of it the
 trainings that had not ended.
+
+Examples:
+
+    tactile evidence --list
+    tactile evidence touch_press --minutes 60
 """
 
 import argparse
@@ -13,7 +18,7 @@ import sys
 import time
 from collections.abc import Mapping
 
-from pipeline.base import provenance
+from pipeline.base import params, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.scoring import shards
@@ -57,7 +62,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     sets = shards.read_sets(workspace)
     for name in given.sets:
         if name not in sets:
-            raise InputError(f"evidence/shards.yaml has no set '{name}'; known: {', '.join(sets)}")
+            raise InputError(f"evidence/shards.yaml has no set '{name}'; {params.hint(name, sets)}")
     chosen = {name: each for name, each in sets.items() if not given.sets or name in given.sets}
     todo = stale(workspace, shards.shards(chosen))
     whole = sum(minutes(sets, shard) for shard in todo)

@@ -6,6 +6,10 @@ card.json: what readings the model takes, what it predicts and how far off that 
 scores. The card names every file by its digest, so that a damaged or exchanged one is refused. A model of series that
 was fitted to its validation part is fitted again without it, to calibrate its intervals; that takes as long as its
 training, once. With --onnx FOLDER also gets model.onnx, which is compared with torch.
+
+Examples:
+
+    tactile export touch/lomp_stream exported/lomp --onnx
 """
 
 import argparse

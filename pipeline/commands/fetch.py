@@ -3,6 +3,11 @@
 `tactile fetch` lists the sources, `tactile fetch NAME` downloads one, `tactile fetch NAME --from FOLDER` copies it.
 Every file is checked against its SHA-256 before it gets its name. An interrupted call is simply repeated: files that
 are right stay, and the download that was interrupted goes on where it stopped.
+
+Examples:
+
+    tactile fetch
+    tactile fetch velostat_recorded
 """
 
 import argparse
@@ -16,6 +21,7 @@ from urllib.request import Request, urlopen
 from tqdm import tqdm
 
 from pipeline import experiments
+from pipeline.base import arguments
 from pipeline.base.errors import InputError, storage_error
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
@@ -166,7 +172,7 @@ def _found(path: Path, folder: Path, name: str, alone: bool) -> Path:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the source and the local folder to the parser of this command."""
     known = sorted(experiments.having("source"))
-    parser.add_argument("name", nargs="?", choices=known, help="a source; without it, the list")
+    parser.add_argument("name", nargs="?", **arguments.one_of("source", known), help="a source; without it, the list")
     parser.add_argument("--from", dest="from_folder", type=Path, metavar="FOLDER", help="copy, do not download")
 
 

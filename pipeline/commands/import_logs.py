@@ -4,6 +4,11 @@ FOLDER is the recording's, such as data/own/finger/single/run0, and FILE one fil
 the readings, the force and the places is told by their names, number and course, as by `tactile check`; how many
 readings there are and in which unit says settings.yaml of the sensor (data/own/finger). FOLDER/origin.yaml says what
 each log was made from, and what was guessed: to correct it, change it there and run the command again.
+
+Examples:
+
+    tactile import run0.mat data/own/finger/single/run0
+    tactile import forces.csv array.csv data/own/array/single/run1 --of touch
 """
 
 import argparse
@@ -17,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline import experiments
-from pipeline.base import files, params
+from pipeline.base import arguments, files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import check
@@ -49,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="such as run0.mat")
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger/single/run0")
     kinds = "what the logs are of, where other logs of the sensor or its settings.yaml do not tell it"
-    parser.add_argument("--of", choices=tuple(experiments.having("log")), help=kinds)
+    parser.add_argument("--of", **arguments.one_of("sensor", experiments.having("log")), help=kinds)
     parser.add_argument("--rate-hz", type=float, metavar="HZ", help="rows a second of files without times")
 
 

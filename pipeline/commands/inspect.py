@@ -4,6 +4,10 @@ FOLDER is what `tactile export` made, or the model of a target of one's own, bui
 read; of the estimator its list of types, of a network the names and shapes of its weights, of ONNX its inputs and
 outputs, which nothing runs. A folder that is damaged, or was changed, is told as far as it can be read, with what is
 wrong, and with exit status 1.
+
+Examples:
+
+    tactile inspect pretrained/touch/lomp_stream
 """
 
 import argparse

@@ -4,6 +4,11 @@ MODEL is a folder that `tactile export` made, or EXPERIMENT/MODEL such as touch/
 checkout trained, else the pretrained one). A web page of this machine shows readings, predictions and how long they
 take; with --csv or --udp alone there is no page unless --page is given, too. The model's frames are as far apart in
 time as in training, whatever the rate of the device. Lines that cannot be used are counted. Ctrl-C ends it.
+
+Examples:
+
+    tactile live touch/lomp_stream --replay data/sample/double/two_touches/array.log
+    tactile live exported/finger --port /dev/ttyACM0
 """
 
 import argparse

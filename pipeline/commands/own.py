@@ -9,6 +9,10 @@ follows changes: what the stages write is in build/own/NAME, with every trained 
 
 Where settings.yaml has `target:` and `split:`, that target is tested instead, group by group, and its model is kept in
 build/own/NAME/trained/target: docs/own_sensor.md.
+
+Examples:
+
+    tactile own data/own/finger
 """
 
 import argparse

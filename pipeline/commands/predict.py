@@ -12,6 +12,11 @@ the scores of its test are quoted. A log among several that cannot be read, or a
 with exit status 1, and the others are predicted and scored. A recording is called by its path below LOGS. OUT is
 predictions/NAME where --out does not say it, NAME that of the folder or log; there, predictions of another model or of
 other logs are not replaced.
+
+Examples:
+
+    tactile predict touch/lomp_stream data/sample
+    tactile predict build/own/finger/trained/target new_logs --out predictions/new
 """
 
 import argparse
@@ -44,6 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict the logs named on the command line."""
+    if not given.logs.exists():  # before the libraries are loaded, which takes seconds
+        raise InputError(f"{given.logs.absolute()}: not found; name a log, or a folder with logs in it or below")
     if (Path(given.model) / kept.CARD).is_file():
         return of_target(workspace, given)
     import torch

@@ -2,6 +2,10 @@
 
 FOLDER is as `tactile own` takes it, and what is written as there, until `tactile own` writes more: reports/own/NAME.
 A target of one's own, `target:` in settings.yaml, is tested as there, on fewer windows.
+
+Examples:
+
+    tactile try data/own/finger
 """
 
 import argparse

@@ -14,6 +14,11 @@ hands bytes on in packets, every 1 to 16 ms: lines that come several at a time g
 none later than the moment at which it was read. --start sends a line to the device, --start-after seconds after the
 port was opened, since many boards start anew then and hear nothing while they do; --every repeats it: for devices that
 print when they are asked.
+
+Examples:
+
+    tactile record /dev/ttyACM0 data/own/finger/bend/run0/daq.log
+    tactile record /dev/ttyACM0 array.log /dev/ttyACM1 load_cell.log --baud 115200 9600
 """
 
 import argparse

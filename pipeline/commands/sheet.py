@@ -4,6 +4,11 @@ SOURCE is a folder of logs as `tactile check` reads it, with its settings.yaml, 
 are on this machine, such as velostat_recorded (`tactile fetch velostat_recorded`) or touch (simulated). Several stand
 side by side. Every number has the number of presses that it is of and a 95 % bootstrap interval over them; where logs
 cannot tell a number, the sheet says why.
+
+Examples:
+
+    tactile sheet data/own/finger
+    tactile sheet velostat_recorded --json
 """
 
 import argparse

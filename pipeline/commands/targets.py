@@ -3,6 +3,10 @@
 It is what `tactile try` and `tactile own` do for a sensor whose settings.yaml has `target:` and `split:`, on recordings
 that everybody can get (`tactile fetch strain_recorded`, `tactile fetch glove_recorded`). OUT gets README.md and
 scores.csv.
+
+Examples:
+
+    tactile targets --out build/targets
 """
 
 import argparse

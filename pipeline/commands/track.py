@@ -3,6 +3,10 @@
 It computes nothing, takes half a minute the first time, and adds nothing when it is called again. Where `dvc repro` was
 run, which ends with it, each of its trainings is a run, too. The store is `mlruns/mlflow.db`, or the server or database
 that MLFLOW_TRACKING_URI names; docs/runs.md says how to start MLflow's pages.
+
+Examples:
+
+    tactile track
 """
 
 import argparse

@@ -1,0 +1,76 @@
+"""List the trained models that are here, with what each takes, gives and scored: MODEL of the other commands.
+
+Those of pretrained/ come with the repository, those of `dvc repro` are of the look, which trains little, and those of
+`tactile own NAME` are in build/own/NAME/trained. A score is the main one of the model's test part, in the condition
+that stands beside it.
+
+Examples:
+
+    tactile models
+    tactile models --json
+"""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+from pipeline.base import arguments, params
+from pipeline.base.errors import InputError
+from pipeline.base.paths import Workspace
+from pipeline.inference import card as cards
+
+OWN = Path("build", "own")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the output to the parser of this command."""
+    arguments.add_output(parser)
+
+
+def packages(workspace: Workspace) -> Iterator[Path]:
+    """Yield the folders with a card: of pretrained/, and of own sensors."""
+    for pattern in ("pretrained/*/*", f"{OWN.as_posix()}/*/trained/*"):
+        yield from (path.parent for path in sorted(workspace.root.glob(f"{pattern}/{cards.NAME}")))
+
+
+def described(workspace: Workspace, folder: Path) -> dict:
+    """Return what a package is called, takes, gives and scored; in place of that `problem`, where it cannot be read."""
+    place = folder.relative_to(workspace.root)
+    name = "/".join(place.parts[1:]) if place.parts[0] == "pretrained" else place.as_posix()
+    try:
+        card = cards.read(folder)
+    except InputError as error:
+        return {"model": name, "problem": str(error)}
+    columns = f"{card.inputs.columns} {card.inputs.unit}"
+    outputs = ", ".join(card.outputs.names or []) or card.outputs.unit
+    said = {"model": name, "takes": columns, "gives": outputs if card.kind != "images" else "object", "scores": None}
+    if score := next((each for each in card.scores if each.value is not None), None):
+        unit = "" if score.unit == "1" else f" {score.unit}"
+        said["scores"] = f"{score.metric} {score.value:.3g}{unit} ({score.condition}, {card.protocol})"
+    return said
+
+
+def trained_here(workspace: Workspace) -> list[str]:
+    """Return EXPERIMENT/MODEL of the runs that `dvc repro` has trained in this folder."""
+    values = params.load(workspace.params)
+    found = []
+    for experiment in values["experiments"]:
+        protocol, seed = params.runs(values, experiment)[0]
+        for model in values[experiment]["models"]:
+            if workspace.run_folder(experiment, model, protocol, seed).is_dir():
+                found.append(f"{experiment}/{model}")
+    return found
+
+
+def main(workspace: Workspace, given: argparse.Namespace) -> None:
+    """List the models."""
+    listed, here = [described(workspace, folder) for folder in packages(workspace)], trained_here(workspace)
+    width = max([len(said["model"]) for said in listed], default=0)
+    for said in listed:
+        words = said.get("problem") or f"{said['takes']} -> {said['gives']}; {said['scores'] or 'not scored'}"
+        print(f"{said['model']:<{width}}  {words}")
+    if here:
+        print("trained here by `dvc repro`:", ", ".join(here))
+    if not listed and not here:
+        print("none; `dvc repro` trains those of the papers, `tactile own FOLDER` those of your own sensor")
+    arguments.answer(given, {"packages": listed, "trained_here": here})
