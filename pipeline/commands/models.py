@@ -11,7 +11,7 @@ Examples:
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from pipeline.base import arguments, params
@@ -50,9 +50,8 @@ def described(workspace: Workspace, folder: Path) -> dict:
     return said
 
 
-def trained_here(workspace: Workspace) -> list[str]:
-    """Return EXPERIMENT/MODEL of the runs that `dvc repro` has trained in this folder."""
-    values = params.load(workspace.params)
+def trained_here(workspace: Workspace, values: Mapping) -> list[str]:
+    """Return EXPERIMENT/MODEL of the runs of params.yaml (`values`) that `dvc repro` has trained in this folder."""
     found = []
     for experiment in values["experiments"]:
         protocol, seed = params.runs(values, experiment)[0]
@@ -64,7 +63,8 @@ def trained_here(workspace: Workspace) -> list[str]:
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """List the models."""
-    listed, here = [described(workspace, folder) for folder in packages(workspace)], trained_here(workspace)
+    listed = [described(workspace, folder) for folder in packages(workspace)]
+    here = trained_here(workspace, params.load(workspace.params))
     width = max([len(said["model"]) for said in listed], default=0)
     for said in listed:
         words = said.get("problem") or f"{said['takes']} -> {said['gives']}; {said['scores'] or 'not scored'}"
