@@ -171,7 +171,7 @@ def test_second_repro_has_nothing_to_do(miniature):
 
 
 def test_mlflow_store_is_complete_and_comes_back(miniature):
-    with sqlite3.connect(miniature.folder / "mlruns" / "mlflow.db") as store:
+    with sqlite3.connect(miniature.folder / "mlflow.db") as store:
         curve = store.execute("select count(*) from metrics where key = 'validation_loss'").fetchone()[0]
     networks = ("cnn", "rnn", "lomp")
     assert curve >= 2 * 3 * len(networks)  # two epochs, three runs
@@ -222,7 +222,7 @@ import numpy as np
 
 from pipeline.inference import predictor
 
-mlflow.set_tracking_uri("sqlite:///mlruns/mlflow.db")
+mlflow.set_tracking_uri("sqlite:///mlflow.db")
 opened = []
 chosen = {"touch": ("linear", "lomp_stream"), "strain": ["lstm_transfer"], "glove": ["tree"]}
 for experiment, model in [(experiment, model) for experiment in chosen for model in chosen[experiment]]:

@@ -3,6 +3,7 @@
 What was trained here is made up; the evidence is the committed one.
 """
 
+import contextlib
 import copy
 import json
 import os
@@ -85,7 +86,7 @@ def tracked(workspace):
 
 
 def client(workspace) -> mlflow.MlflowClient:
-    return mlflow.MlflowClient(tracking_uri=f"sqlite:///{workspace.mlflow / 'mlflow.db'}")
+    return mlflow.MlflowClient(tracking_uri=f"sqlite:///{workspace.mlflow_database}")
 
 
 def all_runs(workspace) -> dict:
@@ -152,7 +153,7 @@ def test_a_run_says_what_was_trained_and_how_well_it_does(workspace, tracked):
 def test_every_run_opens_with_its_own_weights(workspace, tracked, tmp_path, monkeypatch, seed):
     run = current(workspace)["linear", str(seed)]
     readings = np.random.default_rng(9).integers(0, 1024, (12, 6)).astype(np.float32)
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tracked / 'mlruns' / 'mlflow.db'}")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tracked / 'mlflow.db'}")
     opened = mlflow.pyfunc.load_model(f"runs:/{run.info.run_id}/model")
     packages.make(workspace, PARAMS, "touch", "linear", "press", seed, tmp_path / "ours")
     ours = predictor.load(tmp_path / "ours").predict(readings)
@@ -232,7 +233,7 @@ def test_after_a_kill_the_next_call_ends_as_a_quiet_one(tracked, workspace, tmp_
     def call(name: str, at: int = 0) -> kills.Ended:
         place = Workspace(tmp_path / name)
         if not place.root.exists():
-            shutil.copytree(tracked, place.root, ignore=shutil.ignore_patterns("mlruns"))
+            shutil.copytree(tracked, place.root, ignore=shutil.ignore_patterns("mlruns", "mlflow.db*"))
         return kills.run(lambda: mlflow_runs.track(place, PARAMS), place.mlflow, tmp_path / "notes", at)
 
     count = len(call("whole").changes)
@@ -253,7 +254,7 @@ def test_an_experiment_that_was_deleted_or_copied_is_one_sentence(workspace, tra
         mlflow_runs.track(workspace, PARAMS)
     client(workspace).restore_experiment(number)
     shutil.copytree(tracked, tmp_path / "copy")
-    with pytest.raises(InputError, match=r"^mlruns/mlflow.db: .* moved or copied; delete mlruns"):
+    with pytest.raises(InputError, match=r"^mlflow.db: .* moved or copied; delete mlflow.db and mlruns"):
         mlflow_runs.track(Workspace(tmp_path / "copy"), PARAMS)
 
 
@@ -327,9 +328,9 @@ def test_an_unreachable_store_is_one_sentence_without_secrets(workspace, tracked
 
 
 def test_a_locked_or_damaged_store_is_one_sentence(workspace, tracked, monkeypatch, tmp_path):
-    with sqlite3.connect(tracked / "mlruns" / "mlflow.db") as other:
+    with sqlite3.connect(tracked / "mlflow.db") as other:
         other.execute("begin exclusive")
-        with pytest.raises(InputError, match="^mlruns/mlflow.db: .* cannot be used .*locked.*close what else uses it"):
+        with pytest.raises(InputError, match="^mlflow.db: .* cannot be used .*locked.*close what else uses it"):
             mlflow_runs.track(workspace, PARAMS)
     (tmp_path / "damaged.db").write_text("not a database" * 100)
     monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'damaged.db'}")
@@ -417,7 +418,7 @@ def test_every_number_of_readme_is_a_metric_of_one_run(tmp_path, monkeypatch):
 
 
 def test_the_link_opens_the_models_compared_by_their_main_score(committed, tab, capsys):
-    """In a browser, with MLflow's server on the store, as docs/runs.md starts it."""
+    """In a browser, with MLflow's server on the store, as `tactile track --serve` starts it."""
     workspace, values = committed
     capsys.readouterr()
     mlflow_runs.track(workspace, values)
@@ -426,25 +427,28 @@ def test_the_link_opens_the_models_compared_by_their_main_score(committed, tab, 
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{free.getsockname()[1]}"
-    store = f"sqlite:///{workspace.mlflow / 'mlflow.db'}"
     host, _, port = address.partition(":")
+    call = f"track.serve(track.Workspace(pathlib.Path({str(workspace.root)!r})), {host!r}, {port}, [])"
     server = subprocess.Popen(
-        [*f"{sys.executable} -m mlflow ui --workers 1 --host {host} --port {port} --backend-store-uri".split(), store],
-        env=os.environ | {"MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"},
-        stdout=subprocess.DEVNULL,
+        [sys.executable, "-c", f"import pathlib; from pipeline.commands import track; {call}"],
+        stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        start_new_session=True,  # its worker ends with it
+        text=True,
+        start_new_session=True,
     )
     try:
-        until(lambda: not socket.socket().connect_ex((host, int(port))), 120)
+        assert server.stdout.readline() == f"http://{address} shows the runs; Ctrl-C ends it\n"
         tab.width(1600)
         tab.open(said.split()[-1].replace("127.0.0.1:5055", address))
         slowly = "new Promise(done => setTimeout(() => done(document.body.innerText), 500))"
         until(lambda: "main/double.rmse" in tab.run(slowly).partition("matching runs")[2], 120)
         listed, _, charts = tab.run(slowly).partition(" matching runs")
-    finally:
-        os.killpg(server.pid, signal.SIGTERM)
+        server.send_signal(signal.SIGINT)  # to the command alone, which ends MLflow's own processes
         server.wait(30)
+        until(lambda: socket.socket().connect_ex((host, int(port))), 10)
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(server.pid, signal.SIGKILL)
     there = [run for run in runs_of_evidence(workspace).values() if run.data.tags["compared"] == "true"]
     there = [run for run in there if run.data.tags["protocol"] == "random_window"]
     assert listed.endswith(str(len(there)))

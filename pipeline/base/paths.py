@@ -38,7 +38,7 @@ class Workspace:
 
     @property
     def mlflow(self) -> Path:
-        """Return `mlruns`, the default store of MLflow: `mlflow.db` and the runs' `artifacts`.
+        """Return `mlruns`, where MLflow's default store keeps the files of runs, in `artifacts`.
 
         `dvc exp run --queue` and `--temp` work in a copy below the checkout's `.dvc/tmp/exps`, which DVC then removes.
         The runs go to the checkout, which DVC_ROOT names.
@@ -46,6 +46,11 @@ class Workspace:
         root = self.root.resolve()  # MLflow notes the place of its files
         origin = Path(os.environ.get("DVC_ROOT", root)).resolve()
         return (origin if root.is_relative_to(origin / ".dvc" / "tmp" / "exps") else root) / "mlruns"
+
+    @property
+    def mlflow_database(self) -> Path:
+        """Return `mlflow.db`, the default store of MLflow, beside `mlruns`: where plain `mlflow ui` looks."""
+        return self.mlflow.with_name("mlflow.db")
 
     @property
     def look(self) -> Path:

@@ -209,8 +209,8 @@ def look(workspace: Workspace, experiment: str, values: Mapping) -> Iterator[Run
             yield run
 
 
-def track(workspace: Workspace, values: dict) -> None:
-    """Log the runs of all experiments of the settings (`values`), and print the link that compares each one's models.
+def track(workspace: Workspace, values: dict) -> list[str]:
+    """Log the runs of all experiments of the settings (`values`), print and return the links that compare their models.
 
     Raises InputError if a file is missing or was made with other settings (nothing is logged then), or the store
     cannot be used.
@@ -227,6 +227,7 @@ def track(workspace: Workspace, values: dict) -> None:
             runs[experiment] += look(workspace, experiment, values)
             looked.append(experiment)
     provenance.check_settings(workspace, looked, values)
+    links = []
     with mlflow_store.opened(workspace) as client:
         for experiment, of_experiment in runs.items():
             if not of_experiment:
@@ -234,6 +235,8 @@ def track(workspace: Workspace, values: dict) -> None:
                 continue
             new, link = log(workspace, client, experiment, values, of_experiment, kept)
             print(f"{experiment}: {new} of {len(of_experiment)} runs are new in MLflow; compare them at {link}")
+            links.append(link)
+    return links
 
 
 def log(

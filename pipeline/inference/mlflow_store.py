@@ -1,4 +1,4 @@
-"""Open MLflow's store: `mlruns/mlflow.db` of this checkout, or the one that MLFLOW_TRACKING_URI names."""
+"""Open MLflow's store: `mlflow.db` of this checkout, or the one that MLFLOW_TRACKING_URI names."""
 
 import logging
 import os
@@ -25,7 +25,7 @@ from pipeline.base.paths import Workspace
 MODEL = "model"  # folder of a run that MLflow opens as a model
 PACKAGE = f"{MODEL}/artifacts"  # weights and card in it, where MLflow puts the files of a model
 TRACK = "run `python -m pipeline.stages.track` again"
-UI = "http://127.0.0.1:5055"  # where docs/runs.md starts `mlflow ui`
+UI = "http://127.0.0.1:5055"  # where `tactile track --serve` starts MLflow's pages
 
 for name in ("alembic", "mlflow", "urllib3"):  # what goes wrong reaches the user as one InputError, without addresses
     logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -51,14 +51,14 @@ def opened(workspace: Workspace, then: str = TRACK) -> Iterator[MlflowClient]:
     try:
         if not uri:
             workspace.mlflow.mkdir(parents=True, exist_ok=True)
-        client = MlflowClient(tracking_uri=uri or f"sqlite:///{workspace.mlflow / 'mlflow.db'}")
+        client = MlflowClient(tracking_uri=uri or f"sqlite:///{workspace.mlflow_database}")
         client.search_experiments(max_results=1)
         yield client
     except (MlflowException, SQLAlchemyError, OSError, ImportError) as error:
         reason = type(error).__name__ if set("@?") & set(uri) else str(error).partition("\n")[0].rstrip(".")
         raise InputError(
             storage_error(error)
-            or f"{'MLFLOW_TRACKING_URI' if uri else 'mlruns/mlflow.db'}: the MLflow store cannot be used ({reason}); "
+            or f"{'MLFLOW_TRACKING_URI' if uri else 'mlflow.db'}: the MLflow store cannot be used ({reason}); "
             f"start its server, close what else uses it, or move a damaged file away, and {then} (the results in data/ "
             "are safe)"
         ) from error
@@ -82,8 +82,8 @@ def experiment_id(workspace: Workspace, client: MlflowClient, name: str) -> str:
         )
     if not server() and found.artifact_location != place:
         raise InputError(
-            f"mlruns/mlflow.db: keeps the files of {name} in {found.artifact_location}, so this folder was moved or "
-            f"copied; delete mlruns and {TRACK}, which fills it again"
+            f"mlflow.db: keeps the files of {name} in {found.artifact_location}, so this folder was moved or "
+            f"copied; delete mlflow.db and mlruns, and {TRACK}, which fills it again"
         )
     return found.experiment_id
 
@@ -110,7 +110,7 @@ def downloaded(workspace: Workspace, run_id: str, target: Path) -> Path:
 
     Raises InputError where the store has no such run, or the run holds no model.
     """
-    if not server() and not (workspace.mlflow / "mlflow.db").is_file():
+    if not server() and not workspace.mlflow_database.is_file():
         raise InputError(f"{run_id}: this checkout has no MLflow runs; run `dvc repro`, or set MLFLOW_TRACKING_URI")
     with opened(workspace, "repeat the command") as client:
         try:

@@ -21,7 +21,7 @@ READ = ("ingest.json", "latency", "models", "scores.csv", "speed")  # of an expe
 def main(workspace: Workspace) -> None:
     """Track every experiment of the settings."""
     arguments.parse(__doc__)
-    mark, database = workspace.mlflow / "tracked.txt", workspace.mlflow / "mlflow.db"
+    mark, database = workspace.mlflow / "tracked.txt", workspace.mlflow_database
     own_store = not os.environ.get("MLFLOW_TRACKING_URI")  # of another one no file tells that it has changed
     values = load(workspace.params)
     of_results = [workspace.params, workspace.root / "params", workspace.root / "evidence", paths.CODE]

@@ -156,7 +156,7 @@ def copy_project(project: "Project", folder: Path) -> "Project":
 
     copy = Project.__new__(Project)
     copy.folder = folder / "project"
-    passing = shutil.ignore_patterns("tmp", "mlruns")
+    passing = shutil.ignore_patterns("tmp", "mlruns", "mlflow.db*")
     shutil.copytree(project.folder, copy.folder, symlinks=True, ignore=passing, copy_function=copy_if_there)
     copy_code(copy.folder)
     copy.environment = project.environment | {"PYTHONPATH": str(copy.folder)}
@@ -308,7 +308,7 @@ def lock(project) -> dict:
 
 def mlflow_runs(project) -> list[tuple]:
     """Return (experiment, protocol, model, seed) of every complete run in the MLflow store."""
-    with sqlite3.connect(project.folder / "mlruns" / "mlflow.db") as store:
+    with sqlite3.connect(project.folder / "mlflow.db") as store:
         rows = store.execute(
             "select run_uuid, key, value from tags join runs using (run_uuid) "
             "where lifecycle_stage = 'active' and status = 'FINISHED'"

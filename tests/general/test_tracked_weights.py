@@ -39,7 +39,7 @@ def tracked(tmp_path_factory):
 
 def test_every_seeds_run_opens_with_its_own_weights(tracked, monkeypatch):
     workspace, known = tracked
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{workspace.mlflow / 'mlflow.db'}")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{workspace.mlflow_database}")
     readings = np.random.default_rng(9).integers(0, 1024, (12, ELEMENTS)).astype(np.float32)
     reach = (FRAMES - 1) * STEP
     seen = np.stack([readings[k - reach : k + 1 : STEP] for k in range(reach, len(readings))])

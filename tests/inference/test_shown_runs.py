@@ -50,7 +50,7 @@ def tracked(tmp_path_factory):
 
 
 def runs_of(workspace) -> list:
-    client = mlflow.MlflowClient(tracking_uri=f"sqlite:///{workspace.mlflow / 'mlflow.db'}")
+    client = mlflow.MlflowClient(tracking_uri=f"sqlite:///{workspace.mlflow_database}")
     return list(client.search_runs([client.get_experiment_by_name("glove").experiment_id]))
 
 
@@ -127,7 +127,7 @@ def test_a_run_has_origin_curve_and_seconds_of_its_shards_alone(tracked):
     assert run.data.tags.items() >= tags.items() and "git_changed" not in run.data.tags
     assert run.data.metrics["more/train_s"] == 10.0, "the mean with 11 s of another machine would be of none"
     assert run.info.end_time - run.info.start_time == 10_000
-    client = mlflow.MlflowClient(tracking_uri=f"sqlite:///{workspace.mlflow / 'mlflow.db'}")
+    client = mlflow.MlflowClient(tracking_uri=f"sqlite:///{workspace.mlflow_database}")
     for loss, first in (("train_loss", 1.5), ("validation_loss", 2.5)):  # means of seeds 0 and 1
         points = client.get_metric_history(run.info.run_id, loss)
         assert {point.step: point.value for point in points} == {1: first, 2: first / 2}

@@ -16,7 +16,7 @@ FILES = (
     "evidence/index.csv",
     "data/touch/scores.csv",
     "data/touch/models/cnn/press-0/network.safetensors",
-    "mlruns/mlflow.db",
+    "mlflow.db",
 )
 
 
