@@ -51,16 +51,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Run the model named on the command line until its source ends."""
-    import torch
-
-    from pipeline.inference import intervals, onnx_export, packages, predictor
-    from pipeline.live import outputs, source
-    from pipeline.live.session import Session
+    from pipeline.live import source
 
     if given.record and given.replay:
         raise InputError("--record: goes with --port; a replayed log is a file already")
     if not given.speed > 0:
         raise InputError(f"--speed {given.speed:g}: must be more than 0; 2 is twice as fast")
+    if given.replay:
+        source.check_log(given.replay)
+    import torch  # after what needs it not, for it takes seconds
+
+    from pipeline.inference import intervals, onnx_export, packages, predictor
+    from pipeline.live import outputs
+    from pipeline.live.session import Session
+
     stop = record.Stop()
     torch.set_num_threads(1)
     with tempfile.TemporaryDirectory() as draft:
@@ -71,8 +75,6 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     card = model.card
     who = f"{card.experiment}/{card.model}"
     say(f"{who}: {comes_from}")
-    if given.replay:
-        source.check_log(given.replay)
     printed = as_printed(workspace, card, given)
     fmt, laid_out = source.line_format(printed), source.line_layout(printed)
     say("\n".join(intervals.sentences(card)))

@@ -60,14 +60,21 @@ def test_a_wrong_word_is_named_with_the_near_one(words, sentence):
     assert said.returncode == 2 and sentence in said.stderr and said.stderr.count("\n") < 8
 
 
-def test_absent_logs_are_said_before_any_library_is_loaded():
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["predict", "touch/lomp_stream", "nowhere"], r"/.*/nowhere: not found; name a log, or .*"),
+        (["live", "touch/lomp_stream", "--replay", "nowhere"], "nowhere: log not found; name a recorded log .*"),
+    ],
+)
+def test_absent_logs_are_said_before_torch_is_loaded(words, sentence):
     code = (
-        "import sys; sys.argv = ['tactile', 'predict', 'touch/lomp_stream', 'nowhere']\n"
+        f"import sys; sys.argv = ['tactile', *{words!r}]\n"
         "from pipeline.commands.command_line import main\n"
         "try:\n    main()\nfinally:\n    assert 'torch' not in sys.modules"
     )
     said = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert said.returncode == 1 and re.fullmatch(r"error: /.*/nowhere: not found; name a log, or .*\n", said.stderr)
+    assert said.returncode == 1 and re.fullmatch(f"error: {sentence}\n", said.stderr)
 
 
 def test_models_are_listed_with_what_they_take_give_and_scored(capsys, tmp_path):
