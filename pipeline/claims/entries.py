@@ -10,10 +10,10 @@ recordings, each by a name of its own, all of which count as recorded data. An e
     name               what each of these is called in a reason
     published          the published value, where it is not the same expression over the paper's own tables
     data, kind, unit, protocol, metric   where they are not those of the file; data: simulated, recorded or the name
-                       of further recordings; of several protocols, which test on different persons, one result
+                       of further recordings; of several protocols, which test on different persons, one result;
+                       kind: `by construction` where the scene was built so, `beyond` where the paper does not claim it
     control            model -> another: with that in its place the claim must not come out
     over               what the interval is over, where that is not seeds
-    measured           true where it rests on measured times, which differ between runs and machines
     tried              what was tried to find the reason, where the claim is not reproduced
 
 A family is `for` (axis -> values) and `claims`: its entries once for every combination. In every text `{axis}` is the
@@ -38,11 +38,13 @@ from pipeline.scoring import published
 
 FOLDER = Path(__file__).parent
 SENTENCE, NUMBER, COUNT = "sentence", "number", "count"  # kinds of claims; the first two are counted
+BEYOND = "beyond"  # kind: what the paper does not claim, a finding of ours beside it
 CONSTRUCTION, CALIBRATION = "by construction", "calibration"
-KINDS = {"near": NUMBER, "measured_near": NUMBER, "equal": COUNT, "fewer": COUNT, "calibrated": CALIBRATION}  # by rule
+KINDS = {"near": NUMBER, "timed": NUMBER, "equal": COUNT, "fewer": COUNT, "calibrated": CALIBRATION}  # by rule
+ALL_KINDS = (SENTENCE, NUMBER, COUNT, CONSTRUCTION, CALIBRATION, BEYOND)
 UNTESTABLE = "untestable"
 KEYS = {"id", "text", "source", "each", "name", "published", "data", "kind", "unit", "protocol", "metric"}
-KEYS |= {"over", "measured", "tried", "control"}
+KEYS |= {"over", "tried", "control"}
 SIMULATED, RECORDED = "simulated", "recorded"  # data
 HEAD = {"paper", "title", "names", SIMULATED, RECORDED, "further", "claims", "lists"}
 
@@ -86,7 +88,6 @@ class Claim:
     printed: Mapping[str, float]  # of each of `values`
     names: Mapping[str, str]  # of models, in sentences
     over: str = "seeds"
-    measured: bool = False
     reason: str = ""  # of an untestable claim
     tried: str = ""
     control: Mapping[str, str] = field(default_factory=dict)  # model -> another
@@ -217,6 +218,9 @@ def _claim(
     needed = [key for key, option in taken.items() if option.default is option.empty and key not in (*options, "step")]
     if needed:
         raise InputError(f"the rule `{rule}` needs '{needed[0]}'")
+    kind = entry.get("kind", KINDS.get(rule, SENTENCE))
+    if kind not in ALL_KINDS:
+        raise InputError(f"kind '{kind}' is none of {', '.join(ALL_KINDS)}")
     if unknown := set(entry) - KEYS - {rule, *taken}:
         raise InputError(f"key '{sorted(unknown)[0]}' is unknown to the rule `{rule}`")
     given = entry.get("data", SIMULATED).format_map(words)
@@ -251,7 +255,7 @@ def _claim(
         text=text["text"],
         section=text["source"],
         data=data,
-        kind=entry.get("kind", KINDS.get(rule, SENTENCE)),
+        kind=kind,
         unit=entry.get("unit", source.unit),
         experiment=source.experiment,
         rule=rule,
@@ -264,7 +268,6 @@ def _claim(
         printed=on_paper,
         names=names,
         over=entry.get("over", "seeds"),
-        measured=entry.get("measured", False),
         reason=entry[rule].format_map(words) if rule == UNTESTABLE else "",
         tried=entry.get("tried", "").format_map(said),
         control={one.format_map(words): other for one, other in entry.get("control", {}).items()},

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from pipeline.claims import entries, rules
 from pipeline.claims.entries import RECORDED, UNTESTABLE, Claim
 from pipeline.claims.evidence import Evidence
 from pipeline.claims.expressions import evaluate
@@ -20,6 +21,7 @@ from pipeline.experiments import facts
 from pipeline.scoring.one_table import FULL, HALF, Results
 
 ANY = "any"  # budget of what no training changes
+HOLDS, FAILS, OPEN = "it holds", "it does not hold", "open"  # of what is beyond the paper
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "protocol", "published", "ours", "low", "high", "unit"]
 COLUMNS += ["verdict", "reason", "power", "seeds", "budget", "over", "measured"]
 
@@ -27,6 +29,9 @@ COLUMNS += ["verdict", "reason", "power", "seeds", "budget", "over", "measured"]
 def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
     """Return the verdict on a claim and its budget: `full`, or `half` where no more was run."""
     found, budget = _judged(claim, results)
+    if claim.kind == entries.BEYOND:
+        word = HOLDS if found.verdict in GOOD else FAILS if found.verdict in BAD else OPEN
+        return replace(found, verdict=rules.BEYOND, reason="; ".join(filter(None, [word, found.reason]))), budget
     if found.verdict not in GOOD or not claim.control:
         return found, budget
     other, _ = _ruled(claim, results, FULL, claim.control)
@@ -97,5 +102,5 @@ def _row(claim: Claim, results: Results) -> list:
     return [
         claim.id, claim.text, claim.paper, claim.section, claim.data, claim.kind, split, claim.published,
         found.ours, found.low, found.high, claim.unit, found.verdict, found.reason, found.power,
-        found.runs, budget, draws if found.trainings else claim.over, int(claim.measured),
+        found.runs, budget, draws if found.trainings else claim.over, int(claim.rule == "timed"),
     ]  # fmt: skip

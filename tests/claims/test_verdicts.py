@@ -1,5 +1,6 @@
 """Verdicts follow from the numbers: the paper's own reproduce it, others turn them, missing ones leave it open."""
 
+import re
 import zlib
 from dataclasses import replace
 from functools import cache
@@ -14,7 +15,17 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, expressions, judge, rules
 from pipeline.claims.equivalence import inside, lies_within
-from pipeline.claims.rules import CALIBRATED, CONTRADICTED, MATCHES, NEAR, OFF, OUTSIDE, REPRODUCED, UNDECIDED
+from pipeline.claims.rules import (
+    BEYOND,
+    CALIBRATED,
+    CONTRADICTED,
+    MATCHES,
+    NEAR,
+    OFF,
+    OUTSIDE,
+    REPRODUCED,
+    UNDECIDED,
+)
 from pipeline.scoring import claim_inputs, one_table, published
 
 CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
@@ -61,14 +72,14 @@ def test_the_papers_own_numbers_reproduce_its_claims(paper):
     for claim in (claim for claim in CLAIMS if claim.paper == paper):
         whole = {key: value for key, value in claim.options.items() if key != "unfinished"}  # as the paper's are
         found, _ = judge.judged(replace(claim, options=whole), of_the_paper(paper))
-        if found.verdict == OUTSIDE or found.reason.startswith("waits for"):  # what the paper does not print
+        if found.verdict in (OUTSIDE, BEYOND) or found.reason.startswith("waits for"):  # what the paper does not print
             continue
         assert found.verdict in (REPRODUCED, MATCHES, CALIBRATED), f"{claim.id}: {found}"
         tested += 1
         if np.isfinite(claim.published) and claim.rule != "about":  # "doubles" is 1.5 to 2.2 in the paper's own table
             assert found.ours == pytest.approx(claim.published, rel=1e-3, abs=1e-2), claim.id
             assert np.isnan(found.power) or found.power > 0.95, claim.id  # ours hardly spread there
-    assert tested == {"lomp": 39, "latent": 17, "sp_resnet": 65}[paper]
+    assert tested == {"lomp": 33, "latent": 13, "sp_resnet": 65}[paper]
 
 
 def test_sentences_and_numbers_are_judged_on_their_own_protocol():
@@ -86,8 +97,8 @@ def test_sentences_and_numbers_are_judged_on_their_own_protocol():
     assert kinds["lomp", entries.NUMBER] == papers["lomp"]  # the SP-ResNet paper does not state its split
 
 
-def judged(claim: str, **changes) -> rules.Judgement:
-    """The verdict on a claim of LoMP, or on its entry, by errors of three seeds: `model_condition=level`."""
+def at_levels(**changes) -> one_table.Results:
+    """Errors of three seeds around those of Table I of LoMP, or others: `model_condition=level`."""
     levels = {f"{row.model}_{row.condition}": row.value for row in published.table("lomp").itertuples()} | changes
     rows = [
         {"experiment": "touch", "protocol": protocol, "condition": name.split("_")[1], "model": name.split("_")[0]}
@@ -96,7 +107,12 @@ def judged(claim: str, **changes) -> rules.Judgement:
         for name, level in levels.items()
         for seed, value in zip(SEEDS, np.ravel(level) if np.ndim(level) else spread((name,), level, 1e-6), strict=False)
     ]
-    return judge.judged(BY_ID[f"lomp/{claim}"], one_table.Results(table(rows)))[0]
+    return one_table.Results(table(rows))
+
+
+def judged(claim: str, **changes) -> rules.Judgement:
+    """The verdict on a claim of LoMP by `at_levels`."""
+    return judge.judged(BY_ID[f"lomp/{claim}"], at_levels(**changes))[0]
 
 
 @pytest.mark.parametrize(
@@ -139,13 +155,8 @@ def test_verdicts_turn_with_the_numbers(claim, changes, verdict, words):
         ("equal", [2.4], {"step": 1.0}, REPRODUCED),
         ("equal", [2.6], {"step": 1.0}, CONTRADICTED),
         ("fewer", [1.0], {}, CONTRADICTED),
-        ("slower", [1.11], {}, REPRODUCED),
-        ("slower", [1.09], {}, UNDECIDED),
-        ("slower", [0.89], {}, CONTRADICTED),
-        ("slower", [1.09], {"tolerance": 0.05}, REPRODUCED),
-        ("measured_near", [2.29], {}, MATCHES),
-        ("measured_near", [2.31], {}, NEAR),
-        ("measured_near", [2.61], {}, OFF),
+        ("timed", [2.0, 2.01, 2.02], {}, OUTSIDE),  # the printed number, but of another device
+        ("timed", [0.5], {}, OUTSIDE),
         ("near", [2.4, 2.41, 2.42], {}, NEAR),
         ("near", [2.7, 2.71, 2.72], {}, OFF),
         ("near", [1.9, 2.0, 3.0], {}, UNDECIDED),
@@ -164,6 +175,29 @@ def test_verdicts_turn_with_the_numbers(claim, changes, verdict, words):
 def test_rules(rule, values, options, verdict):
     printed = {"a": 11.0 if options.get("best") else 2.0}
     assert rules.RULES[rule]({"a": pd.Series(values)}, printed, **options).verdict == verdict
+
+
+def test_a_ratio_of_times_is_shown_and_not_judged():
+    """That of Table II itself, and of trainings, each with the number that the paper prints."""
+    timed = [claim for claim in CLAIMS if claim.rule == "timed"]
+    read = {metric for claim in CLAIMS for metric in ("p50_ms", "train_s") if metric in str(claim.values)}
+    assert {claim.id for claim in CLAIMS if re.search("p50_ms|train_s", str(claim.values))} == {one.id for one in timed}
+    assert read == {"p50_ms", "train_s"} and len(timed) == 10
+    for claim in timed:
+        found, _ = judge.judged(claim, of_the_paper(claim.paper))
+        assert (found.verdict, found.ours) == (OUTSIDE, pytest.approx(claim.published, rel=1e-6)), claim.id
+    smallest = rules.timed({"a": pd.Series([3.0]), "b": pd.Series([2.0])}, {"a": 3.0, "b": 2.0})
+    assert (smallest.ours, smallest.runs) == (2.0, 1)
+
+
+@pytest.mark.parametrize(("level", "words"), [(5.0, "it holds"), (9.0, "it does not hold"), ([8.0, 9.0, 8.7], "open")])
+def test_what_a_paper_does_not_claim_is_never_contradicted(level, words):
+    """It says what was found; the same numbers give a sentence of the paper its verdict."""
+    claim = replace(BY_ID["lomp/nonlinear-single"], kind=entries.BEYOND)
+    found, _ = judge.judged(claim, at_levels(poly_single=level))
+    assert found.verdict == BEYOND and found.reason.split("; ")[0] == words
+    sentence, _ = judge.judged(replace(claim, kind=entries.SENTENCE), at_levels(poly_single=level))
+    assert sentence.verdict == {"it holds": REPRODUCED, "it does not hold": CONTRADICTED, "open": UNDECIDED}[words]
 
 
 def test_one_direction_of_many_contradicts_only_beyond_chance():
@@ -253,6 +287,7 @@ def test_a_run_without_an_rmse_failed_whatever_else_it_has(tmp_path):
         ("near: double.tree / {model}", "claim tree: 'model' is neither a key of the entry nor an axis of its family"),
         ("below: double.tree", "claim tree: the rule `below` needs 'limit'"),
         ("data: measured\n    near: double.tree", "'measured'"),
+        ("kind: beyonds\n    near: double.tree", "kind 'beyonds' is none of sentence, number"),
     ],
 )
 def test_an_entry_that_cannot_be_read_is_named(workspace, tmp_path, change, words):

@@ -21,6 +21,7 @@ CLAIMS = pd.DataFrame(
         ("lomp/d", "number", "simulated", "calibrated", 5.0),
         ("lomp/e", "number", "simulated", "outside", 6.0),
         ("lomp/f", "count", "simulated", "reproduced", 7.0),
+        ("lomp/g", "beyond", "simulated", "beyond", 8.0),
     ],
     columns=COLUMNS,
 )
@@ -71,6 +72,20 @@ def test_what_was_tried_stands_where_a_claim_is_not_reproduced(workspace):
     assert tried.count("No reason was looked for.") == 1
     (waiting,) = re.findall(r"\n\| A\. .*", text.split("## Open claims")[1].split("\n## ")[0])
     assert [cell.strip() for cell in waiting.split("|")[1:-1]] == ["A.", "simulated", "25 %", "3 seeds", "why"]
+
+
+def test_what_is_beyond_the_papers_has_its_own_section(workspace):
+    rows = CLAIMS.assign(
+        paper="lomp", claim=CLAIMS["id"], section="I", published=1.0, low=0.0, high=2.0, unit="kPa", measured=0,
+        reason="it does not hold", over="seeds", seeds=3, power=0.25, budget="full", protocol="press",
+    )  # fmt: skip
+    text = claims.text(workspace, rows, {"lomp/g": "It was turned around."})
+    section, papers = text.split("## Beyond the papers")[1].split("\n## LoMP")
+    (line,) = [line for line in section.splitlines() if "lomp/" in line]
+    assert [cell.strip() for cell in line.split("|")[1:-1]] == [
+        "lomp/g", "simulated", "8.00 [0.000, 2.00]", "kPa", "it does not hold",
+    ]  # fmt: skip
+    assert "| lomp/g" not in papers and "It was turned around." in papers
 
 
 def test_every_claim_that_a_report_asks_for_is_there(workspace):
