@@ -14,8 +14,8 @@ from pipeline.scoring.one_table import Results
 class Evidence:
     """The results that the claims read, at one budget of training; control: model -> the one read in its place."""
 
-    def __init__(self, results: Results, budget: str, control: Mapping[str, str] | None = None):
-        self.results, self.budget, self.control = results, budget, control or {}
+    def __init__(self, results: Results, budget: str, control: Mapping[str, str]):
+        self.results, self.budget, self.control = results, budget, control
         self.experiments = set(results.table["experiment"])
         self.trained = False  # whether a result that was read hangs on the budget
         self.trainings = 0  # of a model, behind draws of recordings

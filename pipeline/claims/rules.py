@@ -33,6 +33,7 @@ RANKS = 0.5  # rank correlation of an order with the printed one
 ALPHA = (1 - results.CONFIDENCE) / 2  # of one side
 DRAWS = 1000  # of a power
 NOTHING = "there are no values to compare"
+FIXED = "fixed"  # name of the index of a value that is known by arithmetic, as that of chance is: it has no spread
 Values, Printed = Mapping[str, pd.Series], Mapping[str, float]
 
 
@@ -56,14 +57,23 @@ class Judgement:
     runs: int = 0
     power: float = np.nan
     trainings: int = 0  # behind draws of recordings
+    control: str = ""  # what must not come out, and our number with it
+    control_value: float = np.nan
+
+
+def fixed(value: float) -> pd.Series:
+    """Return a value that is known by arithmetic as one that a rule takes."""
+    return pd.Series([value], index=pd.Index([0], name=FIXED))
 
 
 def interval(values: pd.Series, scale: str = results.PLAIN) -> results.Estimate:
     """Return mean and interval over the seeds that every side of a difference has, or over draws of recordings.
 
-    scale: as of `estimate`; of draws the quantiles are the interval.
+    scale: as of `estimate`; of draws the quantiles are the interval, of a `fixed` value the value itself is.
     Raises Open where there is no interval.
     """
+    if values.index.name == FIXED:
+        return results.Estimate(*3 * [float(values.iloc[0])], 1, 0)
     if values.index.name == DRAW:
         drawn = values[values.index != WHOLE]
         low, high = np.quantile(drawn, (ALPHA, 1 - ALPHA))
@@ -89,6 +99,8 @@ def doubt(values: pd.Series, limit: float, scale: str, side: str) -> float:
 
     A t test, for shares a binomial test of the effective trials; of draws their share beyond the limit.
     """
+    if values.index.name == FIXED:
+        return float((values.iloc[0] >= limit) if side == "less" else (values.iloc[0] <= limit))
     if values.index.name == DRAW:
         drawn = values[values.index != WHOLE]
         return float(((drawn >= limit) if side == "less" else (drawn <= limit)).mean())

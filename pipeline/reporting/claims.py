@@ -28,7 +28,7 @@ RULES = (
 )
 COUNTED = (SENTENCE, NUMBER)  # kinds
 HEADER = ["Claim", "Section", "Data", "Protocol", "Published", "Ours", "Unit", "Verdict", "Power", "Runs", "Budget"]
-HEADER += ["Reason"]
+HEADER += ["Control", "Reason"]
 NOT_TRIED = "No reason was looked for."
 
 
@@ -97,7 +97,14 @@ def short_row(row) -> list[str]:
     """Return claim, published number, ours with its interval and unit, verdict and reason; row: of claims.csv."""
     unit = f" {row.unit}" if row.unit not in ("1", "count") and row.ours == row.ours else ""
     ours = ours_text(row.ours, row.low, row.high, row.unit) + unit
-    return [row.claim, value_text(row.published, row.unit), ours, row.verdict, row.reason or "-"]
+    control = f"control: {text}" if (text := control_text(row)) else ""
+    why = "; ".join(filter(None, [row.reason, control]))
+    return [row.claim, value_text(row.published, row.unit), ours, row.verdict, why or "-"]
+
+
+def control_text(row) -> str:
+    """Return the name of a claim's control with our number for it; empty where there is none; row: of claims.csv."""
+    return f"{row.control} ({value_text(row.control_value, row.unit)})" if row.control else ""
 
 
 def text(workspace: Workspace, claims: pd.DataFrame, tried: Mapping[str, str]) -> str:
@@ -153,6 +160,7 @@ def claim_rows(claims: pd.DataFrame) -> list[list[str]]:
             power_text(row.power),
             str(row.seeds) if row.over == "seeds" else runs_text(row.seeds, row.over),
             row.budget or "-",
+            control_text(row) or "-",
             row.reason or "-",
         ]
         for row in claims.itertuples()

@@ -71,7 +71,7 @@ def test_the_papers_own_numbers_reproduce_its_claims(paper):
     tested = 0
     for claim in (claim for claim in CLAIMS if claim.paper == paper):
         whole = {key: value for key, value in claim.options.items() if key != "unfinished"}  # as the paper's are
-        found, _ = judge.judged(replace(claim, options=whole), of_the_paper(paper))
+        found, _ = judge.judged(replace(claim, options=whole, control=None), of_the_paper(paper))
         if found.verdict in (OUTSIDE, BEYOND) or found.reason.startswith("waits for"):  # what the paper does not print
             continue
         assert found.verdict in (REPRODUCED, MATCHES, CALIBRATED), f"{claim.id}: {found}"
@@ -99,9 +99,15 @@ def test_sentences_and_numbers_are_judged_on_their_own_protocol():
 
 def at_levels(**changes) -> one_table.Results:
     """Errors of three seeds around those of Table I of LoMP, or others: `model_condition=level`."""
-    levels = {f"{row.model}_{row.condition}": row.value for row in published.table("lomp").itertuples()} | changes
+    levels = {f"{row.model}_{row.condition}": row.value for row in published.table("lomp").itertuples()}
+    levels |= {"constant_single": 12.0, "constant_double": 40.0, "linear_array_single": 8.0} | changes
     rows = [
-        {"experiment": "touch", "protocol": protocol, "condition": name.split("_")[1], "model": name.split("_")[0]}
+        {
+            "experiment": "touch",
+            "protocol": protocol,
+            "condition": name.rsplit("_", 1)[1],
+            "model": name.rsplit("_", 1)[0],
+        }
         | {"metric": "rmse", "seed": seed, "value": value}
         for protocol in ("press", "random_window")
         for name, level in levels.items()
@@ -200,6 +206,57 @@ def test_what_a_paper_does_not_claim_is_never_contradicted(level, words):
     assert sentence.verdict == {"it holds": REPRODUCED, "it does not hold": CONTRADICTED, "open": UNDECIDED}[words]
 
 
+@pytest.mark.parametrize(
+    ("claim", "changes", "verdict", "words"),
+    [
+        ("lomp-best-double", {}, REPRODUCED, ""),
+        ("lomp-best-double", {"constant_double": 7.0}, UNDECIDED, "its control passes, too"),
+        ("lomp-best-double", {"constant_double": [5.0, 9.0, 14.5]}, UNDECIDED, "its control may pass, too: it is open"),
+        ("lomp-best-double", {"constant_double": [14.0, 14.6, 15.2]}, REPRODUCED, ""),  # open, and 7 kPa away
+        ("growth-linear", {"constant_double": 12.0}, REPRODUCED, ""),
+        ("growth-linear", {"constant_double": 24.0}, UNDECIDED, "its control passes, too"),
+        ("growth-poly", {"constant_double": 24.0}, UNDECIDED, "its control passes, too"),
+        ("lomp-like-rnn", {"linear_array_single": 2.2}, UNDECIDED, "its control passes, too"),
+        ("learning-single", {"constant_single": [np.nan, 12.0, 12.1]}, UNDECIDED, "its control 1 of 3 runs failed: "),
+    ],
+)
+def test_a_sentence_is_reproduced_only_where_its_control_fails(claim, changes, verdict, words):
+    found = judged(claim, **changes)
+    assert found.verdict == verdict and found.reason.startswith(words), found
+    assert found.control and (np.isfinite(found.control_value) or "failed" in words)
+
+
+@pytest.mark.parametrize(
+    ("control", "verdict", "value"),
+    [
+        ("{lomp: poly}", UNDECIDED, 8.68 - 6.72),
+        ("{lomp: tree}", REPRODUCED, 8.68 - 14.74),
+        ("{chance: 0}", REPRODUCED, 0.0),  # on the limit
+        ("{chance: 1 / 16}", UNDECIDED, 0.0625),
+        ('{the best of others: "single.linear - min(single.poly, single.rbf)"}', UNDECIDED, 8.68 - 5.02),
+        ("{what is twice as bad: single.linear - 2 * single.poly}", REPRODUCED, 8.68 - 2 * 6.72),
+    ],
+)
+def test_a_control_is_another_model_or_a_value(workspace, tmp_path, control, verdict, value):
+    file = tmp_path / "mine.yaml"
+    file.write_text("paper: lomp\nclaims:\n  - id: mine\n    text: A.\n    source: I\n"
+                    f"    above: single.linear - single.lomp\n    control: {control}\n")  # fmt: skip
+    claim = entries.read(workspace, [entries.FOLDER / "lomp.yaml", file])[0][-1]
+    found, _ = judge.judged(claim, at_levels())
+    assert found.verdict == verdict and found.control_value == pytest.approx(value, abs=1e-4)
+
+
+def test_a_known_value_has_no_spread_and_a_claim_none_that_is_known():
+    """On a limit it is not beyond it; a claim of the same value without runs is no result."""
+    for rule, options, holds, fails in (
+        ("above", {"limit": 0.5}, 0.51, 0.5), ("below", {"limit": 0.5}, 0.49, 0.5),
+        ("within", {"around": 1.0, "margin": 0.1}, 1.09, 1.11), ("about", {}, 1.5, 1.3),
+    ):  # fmt: skip
+        for value, good in ((holds, True), (fails, False)):
+            found = rules.RULES[rule]({"a": rules.fixed(value)}, {"a": 2.0}, **options)
+            assert (found.verdict == REPRODUCED) == good and found.runs == 1, (rule, value)
+
+
 def test_one_direction_of_many_contradicts_only_beyond_chance():
     """Of 20 directions one fails at 2 %: alone that contradicts, among 20 it is what chance gives (Holm)."""
     holds = {f"m{k}": pd.Series([1.0, 1.1, 0.9]) for k in range(19)}
@@ -287,6 +344,15 @@ def test_a_run_without_an_rmse_failed_whatever_else_it_has(tmp_path):
         ("near: double.tree / {model}", "claim tree: 'model' is neither a key of the entry nor an axis of its family"),
         ("below: double.tree", "claim tree: the rule `below` needs 'limit'"),
         ("data: measured\n    near: double.tree", "'measured'"),
+        ("above: double.linear - double.tree", "claim tree: a sentence needs a 'control'"),
+        ("within: double.tree\n    around: 1\n    margin: 1", "claim tree: a sentence needs a 'control'"),
+        ("control: {rnn: constant}\n    above: double.tree", "its control changes nothing: no result of 'rnn'"),
+        (
+            "control: {tree: constant}\n    above: double.tree[alpha_0]",
+            "its control changes nothing: no result of 'tree'",
+        ),
+        ("control: {chance: 0, tree: constant}\n    above: double.tree", "a control is model -> another, or one name"),
+        ("control: {chance: double.tree.rmse.mean}\n    above: double.tree", "names no result"),
         ("kind: beyonds\n    near: double.tree", "kind 'beyonds' is none of sentence, number"),
     ],
 )

@@ -17,7 +17,7 @@ from benchmarks import report as benchmarks_report
 from pipeline.base import params
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
-from pipeline.claims.rules import CONTRADICTED, OFF
+from pipeline.claims.rules import CONTRADICTED, OFF, REPRODUCED, UNDECIDED
 from pipeline.commands import coverage
 from pipeline.reporting import array, recorded, speed, stability, studies
 from pipeline.reporting import claims as claims_report
@@ -31,8 +31,8 @@ from pipeline.studies import counts
 REPOSITORY = Workspace(ROOT)
 VALUES, REPORTS = params.load(REPOSITORY.params), REPOSITORY.reports
 CLAIMS, _ = entries.read(REPOSITORY)
-NUMBERS = ["published", "ours", "low", "high", "power", "seeds"]
-WORDS = ["verdict", "reason", "budget", "over", "unit"]
+NUMBERS = ["published", "ours", "low", "high", "power", "seeds", "control_value"]
+WORDS = ["verdict", "reason", "budget", "over", "unit", "control"]
 
 
 def relative(path) -> str:
@@ -63,6 +63,14 @@ def test_claims_follow_from_the_results(judged):
         assert same(row[NUMBERS], committed.loc[claim, NUMBERS]), claim
     text = claims_report.text(REPOSITORY, judged, {claim.id: claim.tried for claim in CLAIMS})
     assert text == (REPORTS / "claims.md").read_text(encoding="utf-8")
+
+
+def test_every_reproduced_sentence_has_a_control_that_failed():
+    committed = read(REPORTS / "claims.csv")
+    rows = committed[committed["verdict"].eq(REPRODUCED) & committed["kind"].eq(entries.SENTENCE)]
+    assert len(rows) > 20 and (rows["control"] != "").all() and np.isfinite(rows["control_value"]).all()
+    passed = committed[committed["reason"].str.startswith("its control passes, too")]
+    assert len(passed) > 5 and set(passed["verdict"]) == {UNDECIDED}
 
 
 def test_the_reason_for_every_contradiction_was_looked_for():
