@@ -24,6 +24,7 @@ ANY = "any"  # budget of what no training changes
 HOLDS, FAILS, OPEN = "it holds", "it does not hold", "open"  # of what is beyond the paper
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "protocol", "published", "ours", "low", "high", "unit"]
 COLUMNS += ["verdict", "reason", "power", "seeds", "budget", "over", "measured", "control", "control_value"]
+COLUMNS += ["p", "weak"]
 
 
 def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
@@ -102,6 +103,15 @@ def table(claims: Iterable[Claim], results: Results) -> pd.DataFrame:
     return pd.DataFrame([_row(claim, results) for claim in claims], columns=COLUMNS)
 
 
+def weighed(table: pd.DataFrame) -> pd.DataFrame:
+    """Return claims.csv of all claims with its weak sentences marked: decided, but not by Holm's test over all."""
+    decided = table["kind"].eq(entries.SENTENCE) & table["verdict"].isin((rules.REPRODUCED, rules.CONTRADICTED))
+    weak = rules.weak(table["p"].where(decided))
+    said = f"weak: not decided by Holm's test over all {int((decided & table['p'].notna()).sum())} decided sentences"
+    reason = [f"{said}; {why}" if why else said for why in table["reason"]]
+    return table.assign(weak=weak.astype(int), reason=np.where(weak, reason, table["reason"]))
+
+
 def _row(claim: Claim, results: Results) -> list:
     found, budget = judged(claim, results)
     drawn = f"{facts(claim.experiment).subject}s" if facts(claim.experiment).subject else "presses or grasps"
@@ -115,5 +125,5 @@ def _row(claim: Claim, results: Results) -> list:
         claim.id, claim.text, claim.paper, claim.section, claim.data, claim.kind, split, claim.published,
         found.ours, found.low, found.high, claim.unit, found.verdict, found.reason, found.power,
         found.runs, budget, draws if found.trainings else claim.over, int(claim.rule == "timed"),
-        found.control, found.control_value,
+        found.control, found.control_value, found.p, 0,
     ]  # fmt: skip

@@ -6,7 +6,8 @@ printed number `matches` where all of the interval is within BAND of it, is `nea
 none of the interval is within BAND. Two models are compared by differences paired by seed, whose data they share.
 
 Where a sentence claims several directions, all must hold for it to be reproduced, which needs no correction; to
-contradict it one must fail by Holm's test over all of them (Holm 1979), and the reason names it.
+contradict it one must fail by Holm's test over all of them (Holm 1979), and the reason names it. `weak` are decided
+sentences that do not pass Holm's test over all of these.
 
 A rule takes `values` (name -> one value per seed), `printed` (name -> the published value, NaN where there is none),
 and the options of the claim. `power` is the chance of a good verdict if the paper is exactly right.
@@ -57,6 +58,7 @@ class Judgement:
     runs: int = 0
     power: float = np.nan
     trainings: int = 0  # behind draws of recordings
+    p: float = np.nan  # two-sided, of the interval that decided; NaN where none did
     control: str = ""  # what must not come out, and our number with it
     control_value: float = np.nan
 
@@ -116,6 +118,35 @@ def doubt(values: pd.Series, limit: float, scale: str, side: str) -> float:
     return float(stats.ttest_1samp(rises * there(values.dropna()), rises * there(limit), alternative=side).pvalue)
 
 
+def chance(values: pd.Series, limit: float, scale: str, side: str) -> float:
+    """Return `doubt`, of draws the normal tail where that is more: of a thousand draws none may lie beyond a limit."""
+    p = doubt(values, limit, scale, side)
+    drawn = values[values.index != WHOLE]
+    if values.index.name == DRAW and drawn.std() > 0:
+        z = (drawn.mean() - limit) / drawn.std()
+        p = max(p, float(stats.norm.cdf(z) if side == "less" else stats.norm.sf(z)))
+    return p
+
+
+def between(values: pd.Series, least: float, most: float, scale: str, verdict: str) -> float:
+    """Return the two-sided p value of a verdict by two bounds: inside both where it is good, beyond one where not."""
+    if verdict in GOOD:
+        return 2 * max(chance(values, least, scale, "greater"), chance(values, most, scale, "less"))
+    if verdict in BAD:
+        return 2 * min(chance(values, least, scale, "less"), chance(values, most, scale, "greater"))
+    return np.nan
+
+
+def all_beyond(values: Values, limit: float, scale: str, side: str, verdict: str) -> float:
+    """Return the two-sided p value of a verdict that all values are beyond a limit; side: `greater` or `less`."""
+    other = {"greater": "less", "less": "greater"}[side]
+    if verdict in GOOD:  # all must be
+        return min(1.0, 2 * max(chance(runs, limit, scale, side) for runs in values.values()))
+    if verdict in BAD:  # by Holm's test one is not
+        return min(1.0, 2 * len(values) * min(chance(runs, limit, scale, other) for runs in values.values()))
+    return np.nan
+
+
 def above(
     values: Values, printed: Printed, *, limit: float = 0.0, scale: str = results.PLAIN, unfinished: str = ""
 ) -> Judgement:
@@ -138,7 +169,8 @@ def above(
     if unfinished and verdict == CONTRADICTED:
         verdict, reason = UNDECIDED, "; ".join(filter(None, [reason, f"a bound, as {unfinished}"]))
     power, mean = _power(values, printed, lambda low, high: (low > limit).all(axis=-1), scale), means[decides]
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
+    p = all_beyond(values, limit, scale, "greater", verdict)
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p)
 
 
 def below(values: Values, printed: Printed, *, limit: float, scale: str = results.PLAIN) -> Judgement:
@@ -152,7 +184,8 @@ def below(values: Values, printed: Printed, *, limit: float, scale: str = result
         verdict = CONTRADICTED
     reason = f"limit {limit:g}" + (f"; decided by {decides}" if len(means) > 1 else "")
     power, mean = _power(values, printed, lambda low, high: (high < limit).all(axis=-1), scale), means[decides]
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
+    p = all_beyond(values, limit, scale, "less", verdict)
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p)
 
 
 def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str = "") -> Judgement:
@@ -181,7 +214,9 @@ def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str
         least, most = (published - 2 * band) / whole, (published + 2 * band) / whole
         ratios = {"": runs / whole}, {"": published / whole}
         power = _power(*ratios, lambda low, high: inside(low, high, least, most).all(axis=-1), scale)
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
+    width = (1 if verdict == OFF else 2) * band / whole
+    p = between(runs / whole, published / whole - width, published / whole + width, scale, verdict)
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p)
 
 
 def about(values: Values, printed: Printed) -> Judgement:
@@ -191,12 +226,14 @@ def about(values: Values, printed: Printed) -> Judgement:
     return replace(found, verdict=verdict)
 
 
-def within(values: Values, printed: Printed, *, around: float, margin: float) -> Judgement:
+def within(values: Values, printed: Printed, *, around: float, margin: float, scale: str = results.PLAIN) -> Judgement:
     """Judge that nothing differs: all of the interval is within the margin of `around`."""
-    mean, bounds = interval(only(values)), (around - margin, around + margin)
+    mean, bounds = interval(only(values), scale), (around - margin, around + margin)
     verdict = {True: REPRODUCED, False: CONTRADICTED, None: UNDECIDED}[lies_within(mean.low, mean.high, *bounds)]
-    power = _power(values, printed, lambda low, high: inside(low, high, *bounds).all(axis=-1))
-    return Judgement(mean.mean, mean.low, mean.high, verdict, f"margin {margin:g} around {around:g}", mean.runs, power)
+    power = _power(values, printed, lambda low, high: inside(low, high, *bounds).all(axis=-1), scale)
+    p = between(only(values), *bounds, scale, verdict)
+    reason = f"margin {margin:g} around {around:g}"
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p)
 
 
 def place(values: Values, printed: Printed) -> Judgement:
@@ -219,7 +256,8 @@ def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgemen
     mean = interval(correlation)
     verdict = REPRODUCED if mean.low > limit else CONTRADICTED if mean.high < limit else UNDECIDED
     reason = f"rank correlation with the printed order; limit {limit:g}"
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs)
+    p = all_beyond({"": correlation}, limit, results.PLAIN, "greater", verdict)
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, p=p)
 
 
 def equal(values: Values, printed: Printed, *, step: float) -> Judgement:
@@ -250,6 +288,15 @@ def calibrated(values: Values, printed: Printed) -> Judgement:
     off = mean.mean / only(printed) - 1
     reason = f"{100 * off:+.0f} % from the published one; a setting of the scene was chosen by it, on validation parts"
     return Judgement(mean.mean, mean.low, mean.high, CALIBRATED, reason, mean.runs)
+
+
+def weak(p: np.ndarray) -> np.ndarray:
+    """Return which of these p values (n,) Holm's test over all of them does not reject at 5 %; NaN is none of them."""
+    p, result = np.asarray(p, float), np.zeros(len(p), bool)
+    order = [at for at in np.argsort(p, kind="stable") if np.isfinite(p[at])]
+    limits = (1 - results.CONFIDENCE) / np.arange(len(order), 0, -1)
+    result[order] = np.cumsum(p[order] > limits) > 0
+    return result
 
 
 def _power(

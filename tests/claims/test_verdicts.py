@@ -267,6 +267,64 @@ def test_one_direction_of_many_contradicts_only_beyond_chance():
     assert found.verdict == UNDECIDED and "19 of 20 hold; the least certain is fails" in found.reason
 
 
+@pytest.mark.parametrize(
+    ("p", "weak"),
+    [
+        ([0.01, 0.04, 0.03], [False, True, True]),  # 0.05 / 3, then 0.03 against 0.05 / 2
+        ([0.01, 0.04, 0.02], [False, False, False]),
+        ([0.02, 0.001, np.nan, 0.02], [False, False, False, False]),  # three tests, not four
+        ([0.06], [True]),
+        ([], []),
+    ],
+)
+def test_weak_is_what_holms_test_over_all_does_not_reject(p, weak):
+    assert rules.weak(p).tolist() == weak
+
+
+@pytest.mark.parametrize("shift", [-1.2, -0.4, 0.4, 1.2])
+def test_a_p_value_is_below_5_percent_where_the_interval_decides(shift):
+    """Its two-sided test has the verdict of the interval, of each rule and on both sides; alone it is scipy's."""
+    runs = pd.Series(np.random.default_rng(3).standard_normal(12)) - np.random.default_rng(3).standard_normal(12).mean()
+    values, printed = {"a": 2 + shift + 0.3 * runs}, {"a": 2.0}
+    for rule, options in (
+        ("above", {"limit": 2.0}), ("below", {"limit": 2.0}), ("within", {"around": 2.0, "margin": 0.9}), ("about", {}),
+        ("within", {"around": 2.0, "margin": 0.9, "scale": "log"}),
+    ):  # fmt: skip
+        found = rules.RULES[rule](values, printed, **options)
+        assert (found.verdict == UNDECIDED) == np.isnan(found.p) and not found.p > 0.05, (rule, found)
+    found = rules.above(values, printed, limit=2.0)
+    if found.verdict != UNDECIDED:
+        assert found.p == pytest.approx(stats.ttest_1samp(values["a"], 2.0).pvalue)
+    both = rules.above({**values, "b": values["a"] + 0.1}, {"a": 2.0, "b": 2.0}, limit=2.0)
+    if both.verdict == REPRODUCED:
+        assert both.p == found.p, "both must hold, and the narrower one decides"
+
+
+def test_of_draws_that_all_lie_on_one_side_the_p_value_is_not_zero():
+    drawn = pd.Series(3 + np.random.default_rng(4).standard_normal(1000), index=pd.RangeIndex(1000, name="draw"))
+    far = drawn + 3
+    assert (far > 0).all() and rules.doubt(far, 0.0, "", "greater") == 0
+    assert rules.above({"a": far}, {"a": np.nan}).p == pytest.approx(2 * stats.norm.sf(6), rel=1)
+    assert rules.above({"a": drawn}, {"a": np.nan}).p == pytest.approx(2 * stats.norm.sf(3), rel=0.6)
+
+
+def test_a_weak_sentence_is_marked_and_keeps_its_verdict():
+    rows = pd.DataFrame(
+        {"kind": ["sentence"] * 3 + ["number"] * 20, "verdict": [REPRODUCED, CONTRADICTED, UNDECIDED] + [OFF] * 20,
+         "p": [0.03, 0.001, np.nan] + [0.04] * 20, "reason": ["why"] + [""] * 22}
+    )  # fmt: skip
+    assert not judge.weighed(rows)["weak"].any(), "of two sentences; numbers are not among them"
+    found = judge.weighed(rows.assign(kind="sentence"))
+    assert not found["weak"].any(), "off is no verdict of a sentence"
+    rows = pd.concat([rows, rows.head(1).assign(p=0.04)], ignore_index=True)
+    found = judge.weighed(rows)
+    assert (
+        found["weak"].tolist() == [1, 0, 0] + [0] * 20 + [1] and found["verdict"].tolist() == rows["verdict"].tolist()
+    )
+    said = "weak: not decided by Holm's test over all 3 decided sentences"
+    assert found["reason"].tolist()[:3] == [f"{said}; why", "", ""]
+
+
 def test_power_is_the_chance_of_the_good_verdict_if_the_paper_is_right():
     """A gain of one standard deviation is seen with three runs in 11 % of cases (noncentral t), with ten in 80 %."""
     rng = np.random.default_rng(1)

@@ -31,7 +31,7 @@ from pipeline.studies import counts
 REPOSITORY = Workspace(ROOT)
 VALUES, REPORTS = params.load(REPOSITORY.params), REPOSITORY.reports
 CLAIMS, _ = entries.read(REPOSITORY)
-NUMBERS = ["published", "ours", "low", "high", "power", "seeds", "control_value"]
+NUMBERS = ["published", "ours", "low", "high", "power", "seeds", "control_value", "p", "weak"]
 WORDS = ["verdict", "reason", "budget", "over", "unit", "control"]
 
 
@@ -52,7 +52,7 @@ def read(path) -> pd.DataFrame:
 @pytest.fixture(scope="module")
 def judged(kept) -> pd.DataFrame:
     """claims.csv, computed anew."""
-    return judge.table(CLAIMS, kept)
+    return judge.weighed(judge.table(CLAIMS, kept))
 
 
 def test_claims_follow_from_the_results(judged):
