@@ -24,7 +24,7 @@ ANY = "any"  # budget of what no training changes
 HOLDS, FAILS, OPEN = "it holds", "it does not hold", "open"  # of what is beyond the paper
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "protocol", "published", "ours", "low", "high", "unit"]
 COLUMNS += ["verdict", "reason", "power", "seeds", "budget", "over", "measured", "control", "control_value"]
-COLUMNS += ["p", "weak"]
+COLUMNS += ["draw_low", "draw_high", "p", "weak"]
 
 
 def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
@@ -125,5 +125,5 @@ def _row(claim: Claim, results: Results) -> list:
         claim.id, claim.text, claim.paper, claim.section, claim.data, claim.kind, split, claim.published,
         found.ours, found.low, found.high, claim.unit, found.verdict, found.reason, found.power,
         found.runs, budget, draws if found.trainings else claim.over, int(claim.rule == "timed"),
-        found.control, found.control_value, found.p, 0,
+        found.control, found.control_value, found.draw_low, found.draw_high, found.p, 0,
     ]  # fmt: skip

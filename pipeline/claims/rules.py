@@ -33,6 +33,7 @@ BAND = 0.15  # of a printed error: a number that matches differs by less, a near
 RANKS = 0.5  # rank correlation of an order with the printed one
 ALPHA = (1 - results.CONFIDENCE) / 2  # of one side
 DRAWS = 1000  # of a power
+LIKELY = "a likely draw"  # of a printed number that one further specimen of ours may have
 NOTHING = "there are no values to compare"
 FIXED = "fixed"  # name of the index of a value that is known by arithmetic, as that of chance is: it has no spread
 Values, Printed = Mapping[str, pd.Series], Mapping[str, float]
@@ -59,6 +60,9 @@ class Judgement:
     power: float = np.nan
     trainings: int = 0  # behind draws of recordings
     p: float = np.nan  # two-sided, of the interval that decided; NaN where none did
+    draw_low: float = np.nan  # of one further specimen, as a paper has one
+    draw_high: float = np.nan
+    flips_at: float = np.nan  # the limit, where it is ours, at which the verdict would be another
     control: str = ""  # what must not come out, and our number with it
     control_value: float = np.nan
 
@@ -216,14 +220,20 @@ def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str
         power = _power(*ratios, lambda low, high: inside(low, high, least, most).all(axis=-1), scale)
     width = (1 if verdict == OFF else 2) * band / whole
     p = between(runs / whole, published / whole - width, published / whole + width, scale, verdict)
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p)
+    low, high = (np.nan, np.nan)
+    if runs.index.name != DRAW:
+        low, high = (whole * end for end in results.prediction(runs / whole, scale))
+    if low <= published <= high:
+        reason += f"; {LIKELY}"
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, 0, p, low, high)
 
 
 def about(values: Values, printed: Printed) -> Judgement:
     """Judge a number in a sentence ("about doubles"): near it or better reproduces the sentence."""
     found = near(values, printed)
     verdict = REPRODUCED if found.verdict in (MATCHES, NEAR) else CONTRADICTED if found.verdict == OFF else UNDECIDED
-    return replace(found, verdict=verdict)
+    reason = found.reason.removesuffix(f"; {LIKELY}")
+    return replace(found, verdict=verdict, reason=reason, draw_low=np.nan, draw_high=np.nan)
 
 
 def within(values: Values, printed: Printed, *, around: float, margin: float, scale: str = results.PLAIN) -> Judgement:

@@ -28,7 +28,7 @@ RULES = (
 )
 COUNTED = (SENTENCE, NUMBER)  # kinds
 HEADER = ["Claim", "Section", "Data", "Protocol", "Published", "Ours", "Unit", "Verdict", "Power", "Runs", "Budget"]
-HEADER += ["Control", "Reason"]
+HEADER += ["One specimen", "Control", "Reason"]
 NOT_TRIED = "No reason was looked for."
 
 
@@ -160,6 +160,9 @@ def claim_rows(claims: pd.DataFrame) -> list[list[str]]:
             power_text(row.power),
             str(row.seeds) if row.over == "seeds" else runs_text(row.seeds, row.over),
             row.budget or "-",
+            "-"
+            if row.draw_low != row.draw_low
+            else f"{value_text(row.draw_low, row.unit)} to {value_text(row.draw_high, row.unit)}",
             control_text(row) or "-",
             row.reason or "-",
         ]

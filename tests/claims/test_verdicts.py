@@ -26,7 +26,7 @@ from pipeline.claims.rules import (
     REPRODUCED,
     UNDECIDED,
 )
-from pipeline.scoring import claim_inputs, one_table, published
+from pipeline.scoring import claim_inputs, one_table, published, results
 
 CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
 BY_ID = {claim.id: claim for claim in CLAIMS}
@@ -181,6 +181,30 @@ def test_verdicts_turn_with_the_numbers(claim, changes, verdict, words):
 def test_rules(rule, values, options, verdict):
     printed = {"a": 11.0 if options.get("best") else 2.0}
     assert rules.RULES[rule]({"a": pd.Series(values)}, printed, **options).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("values", "printed", "best", "likely"),
+    [
+        ([1.0, 2.0, 4.0, 8.0], 20.0, 0.0, True),  # off on average; 0.2 to 45 on the logarithms
+        ([1.0, 2.0, 4.0, 8.0], 90.0, 0.0, False),
+        ([1.9, 2.0, 2.1], 2.05, 0.0, True),
+        ([1.99, 2.0, 2.01], 2.1, 0.0, False),  # matches, and is no likely draw
+        ([97.0, 98.0, 96.0], 99.5, 100.0, True),
+        ([97.0, 98.0, 96.0], 60.0, 100.0, False),
+        ([-2.0, 1.0, 4.0], 8.0, 0.0, True),  # a gain, which can be below 0
+    ],
+)
+def test_a_printed_number_that_one_more_specimen_may_have_is_a_likely_draw(values, printed, best, likely):
+    found = rules.near({"a": pd.Series(values)}, {"a": printed}, best=best)
+    assert (rules.LIKELY in found.reason) == likely == (found.draw_low <= printed <= found.draw_high)
+    scale = results.SHARE if best else results.LOG if min(values) > 0 else results.PLAIN
+    whole = best or 1
+    ends = [whole * end for end in results.prediction(np.array(values) / whole, scale)]
+    assert [found.draw_low, found.draw_high] == pytest.approx(ends)
+    drawn = pd.Series([*values, *values], index=pd.RangeIndex(2 * len(values), name="draw"))
+    over = rules.near({"a": drawn}, {"a": printed}, best=best)
+    assert np.isnan(over.draw_low) and rules.LIKELY not in over.reason, "draws of recordings are no specimens"
 
 
 def test_a_ratio_of_times_is_shown_and_not_judged():

@@ -31,7 +31,7 @@ from pipeline.studies import counts
 REPOSITORY = Workspace(ROOT)
 VALUES, REPORTS = params.load(REPOSITORY.params), REPOSITORY.reports
 CLAIMS, _ = entries.read(REPOSITORY)
-NUMBERS = ["published", "ours", "low", "high", "power", "seeds", "control_value", "p", "weak"]
+NUMBERS = ["published", "ours", "low", "high", "power", "seeds", "control_value", "p", "weak", "draw_low", "draw_high"]
 WORDS = ["verdict", "reason", "budget", "over", "unit", "control"]
 
 
