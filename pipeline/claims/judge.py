@@ -24,7 +24,7 @@ ANY = "any"  # budget of what no training changes
 HOLDS, FAILS, OPEN = "it holds", "it does not hold", "open"  # of what is beyond the paper
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "protocol", "published", "ours", "low", "high", "unit"]
 COLUMNS += ["verdict", "reason", "power", "seeds", "budget", "over", "measured", "control", "control_value"]
-COLUMNS += ["draw_low", "draw_high", "p", "weak"]
+COLUMNS += ["draw_low", "draw_high", "flips_at", "p", "weak"]
 
 
 def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
@@ -37,7 +37,8 @@ def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
         word = HOLDS if found.verdict in GOOD else FAILS if found.verdict in BAD else OPEN
         return replace(found, verdict=rules.BEYOND, reason="; ".join(filter(None, [word, found.reason]))), budget
     if found.verdict in GOOD and other is not None and (passed := _passed(found, other)):
-        return replace(found, verdict=UNDECIDED, reason=f"its control {passed}"), budget
+        reason = "; ".join(filter(None, [f"its control {passed}", found.reason]))
+        return replace(found, verdict=UNDECIDED, reason=reason), budget
     return found, budget
 
 
@@ -86,7 +87,8 @@ def _ruled(claim: Claim, results: Results, budget: str, control: Control | None 
             runs = {name: rules.fixed(value) if np.isscalar(value) else value for name, value in runs.items()}
             printed = {name: claim.printed.get(name, claim.published) for name in runs}
         found = RULES[claim.rule](runs, printed, **claim.options)
-        return replace(found, trainings=evidence.trainings), evidence.trained
+        reason = "; ".join(filter(None, [found.reason, evidence.few()]))
+        return replace(found, reason=reason, trainings=evidence.trainings), evidence.trained
     except Open as error:
         return Judgement(error.ours, np.nan, np.nan, UNDECIDED, str(error), error.runs), evidence.trained
 
@@ -125,5 +127,5 @@ def _row(claim: Claim, results: Results) -> list:
         claim.id, claim.text, claim.paper, claim.section, claim.data, claim.kind, split, claim.published,
         found.ours, found.low, found.high, claim.unit, found.verdict, found.reason, found.power,
         found.runs, budget, draws if found.trainings else claim.over, int(claim.rule == "timed"),
-        found.control, found.control_value, found.draw_low, found.draw_high, found.p, 0,
+        found.control, found.control_value, found.draw_low, found.draw_high, found.flips_at, found.p, 0,
     ]  # fmt: skip

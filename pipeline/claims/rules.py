@@ -151,6 +151,21 @@ def all_beyond(values: Values, limit: float, scale: str, side: str, verdict: str
     return np.nan
 
 
+def ours(limit: float) -> bool:
+    """Return whether a limit is one that we chose: 0 of a difference and 1 of a ratio are the sentence's own."""
+    return limit not in (0, 1)
+
+
+def said(limit: float) -> str:
+    """Return a limit in words."""
+    return f"limit {limit:g}{' (ours)' * ours(limit)}"
+
+
+def flip(mean: results.Estimate, limit: float) -> float:
+    """Return the limit nearest to ours at which a verdict is another, a bound of the interval that decides it."""
+    return min(mean.low, mean.high, key=lambda bound: abs(bound - limit)) if ours(limit) else np.nan
+
+
 def above(
     values: Values, printed: Printed, *, limit: float = 0.0, scale: str = results.PLAIN, unfinished: str = ""
 ) -> Judgement:
@@ -169,12 +184,12 @@ def above(
         verdict = UNDECIDED
     held = sum(mean.low > limit for mean in means.values())
     word = {REPRODUCED: "the narrowest is", CONTRADICTED: "decided by", UNDECIDED: "the least certain is"}[verdict]
-    reason = f"{held} of {count} hold; {word} {decides}" if count > 1 else f"limit {limit:g}" if limit else ""
+    reason = f"{held} of {count} hold; {word} {decides}" if count > 1 else said(limit) if limit else ""
     if unfinished and verdict == CONTRADICTED:
         verdict, reason = UNDECIDED, "; ".join(filter(None, [reason, f"a bound, as {unfinished}"]))
     power, mean = _power(values, printed, lambda low, high: (low > limit).all(axis=-1), scale), means[decides]
     p = all_beyond(values, limit, scale, "greater", verdict)
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p)
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p, flips_at=flip(mean, limit))
 
 
 def below(values: Values, printed: Printed, *, limit: float, scale: str = results.PLAIN) -> Judgement:
@@ -186,10 +201,15 @@ def below(values: Values, printed: Printed, *, limit: float, scale: str = result
         verdict, decides = REPRODUCED, max(means, key=lambda name: means[name].high)
     elif len(means) * doubts[decides] < ALPHA:
         verdict = CONTRADICTED
-    reason = f"limit {limit:g}" + (f"; decided by {decides}" if len(means) > 1 else "")
+    reason = said(limit) + (f"; decided by {decides}" if len(means) > 1 else "")
     power, mean = _power(values, printed, lambda low, high: (high < limit).all(axis=-1), scale), means[decides]
     p = all_beyond(values, limit, scale, "less", verdict)
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p)
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p, flips_at=flip(mean, limit))
+
+
+def scale_of_printed(runs: pd.Series, best: float) -> str:
+    """Return the scale of a printed number: a share, an error or a ratio of errors, or a gain, which may be below 0."""
+    return results.SHARE if best else results.LOG if (runs.dropna() > 0).all() else results.PLAIN
 
 
 def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str = "") -> Judgement:
@@ -199,9 +219,8 @@ def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str
     unfinished: why a whole training would come nearer to `best`: then ours is a bound, which decides the claim only
     where it is off by being better.
     """
-    runs, published = only(values), only(printed)
-    error = best == 0 and (runs.dropna() > 0).all()  # a gain, which is not, can be below zero
-    scale, whole = results.SHARE if best else results.LOG if error else results.PLAIN, best or 1
+    runs, published, whole = only(values), only(printed), best or 1
+    scale = scale_of_printed(runs, best)
     mean = interval(runs / whole, scale)
     mean = mean._replace(mean=whole * mean.mean, low=whole * mean.low, high=whole * mean.high)
     band = BAND * abs(published - best)
@@ -242,8 +261,10 @@ def within(values: Values, printed: Printed, *, around: float, margin: float, sc
     verdict = {True: REPRODUCED, False: CONTRADICTED, None: UNDECIDED}[lies_within(mean.low, mean.high, *bounds)]
     power = _power(values, printed, lambda low, high: inside(low, high, *bounds).all(axis=-1), scale)
     p = between(only(values), *bounds, scale, verdict)
-    reason = f"margin {margin:g} around {around:g}"
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p)
+    reason = f"margin {margin:g} around {around:g} (ours)"
+    off = abs(mean.low - around), abs(mean.high - around)
+    flips = min(max(off), 0.0 if mean.low < around < mean.high else min(off), key=lambda at: abs(at - margin))
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p, flips_at=flips)
 
 
 def place(values: Values, printed: Printed) -> Judgement:
@@ -252,7 +273,8 @@ def place(values: Values, printed: Printed) -> Judgement:
     if len(runs) >= results.FEWEST and runs.nunique() == 1:
         verdict = REPRODUCED if runs.iloc[0] == published else CONTRADICTED
         return Judgement(runs.iloc[0], np.nan, np.nan, verdict, "in every run", len(runs))
-    return replace(within(values, printed, around=published, margin=0.5), power=np.nan)
+    found = within(values, printed, around=published, margin=0.5)
+    return replace(found, power=np.nan, reason=found.reason.removesuffix(" (ours)"), flips_at=np.nan)
 
 
 def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgement:
@@ -265,9 +287,9 @@ def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgemen
         return Judgement(correlation.iloc[0], np.nan, np.nan, verdict, "in every run", len(correlation))
     mean = interval(correlation)
     verdict = REPRODUCED if mean.low > limit else CONTRADICTED if mean.high < limit else UNDECIDED
-    reason = f"rank correlation with the printed order; limit {limit:g}"
+    reason = f"rank correlation with the printed order; {said(limit)}"
     p = all_beyond({"": correlation}, limit, results.PLAIN, "greater", verdict)
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, p=p)
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, p=p, flips_at=flip(mean, limit))
 
 
 def equal(values: Values, printed: Printed, *, step: float) -> Judgement:
@@ -294,10 +316,13 @@ def timed(values: Values, printed: Printed) -> Judgement:
 
 def calibrated(values: Values, printed: Printed) -> Judgement:
     """Return the error, or ratio of errors, that a scene was tuned to, which is no evidence, whatever it is."""
-    mean = results.estimate(only(values), results.LOG)
-    off = mean.mean / only(printed) - 1
-    reason = f"{100 * off:+.0f} % from the published one; a setting of the scene was chosen by it, on validation parts"
-    return Judgement(mean.mean, mean.low, mean.high, CALIBRATED, reason, mean.runs)
+    runs, published = only(values), only(printed)
+    scale = scale_of_printed(runs, 0)
+    mean, (low, high) = results.estimate(runs, scale), results.prediction(runs, scale)
+    reason = f"{100 * (mean.mean / published - 1):+.0f} % from the published one"
+    reason += f"; {LIKELY}" * (low <= published <= high)
+    reason += "; a setting of the scene was chosen by it, on validation parts"
+    return Judgement(mean.mean, mean.low, mean.high, CALIBRATED, reason, mean.runs, draw_low=low, draw_high=high)
 
 
 def weak(p: np.ndarray) -> np.ndarray:

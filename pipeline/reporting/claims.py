@@ -28,7 +28,7 @@ RULES = (
 )
 COUNTED = (SENTENCE, NUMBER)  # kinds
 HEADER = ["Claim", "Section", "Data", "Protocol", "Published", "Ours", "Unit", "Verdict", "Power", "Runs", "Budget"]
-HEADER += ["One specimen", "Control", "Reason"]
+HEADER += ["One specimen", "Flips at", "Control", "Reason"]
 NOT_TRIED = "No reason was looked for."
 
 
@@ -163,6 +163,7 @@ def claim_rows(claims: pd.DataFrame) -> list[list[str]]:
             "-"
             if row.draw_low != row.draw_low
             else f"{value_text(row.draw_low, row.unit)} to {value_text(row.draw_high, row.unit)}",
+            value_text(row.flips_at, row.unit),
             control_text(row) or "-",
             row.reason or "-",
         ]

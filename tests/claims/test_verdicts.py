@@ -129,8 +129,8 @@ def judged(claim: str, **changes) -> rules.Judgement:
         ("lomp-best-double", {"rbf_double": [5.0, 7.0, 11.0]}, UNDECIDED, "the least certain is LoMP against RBF-Net"),
         ("nonlinear-single", {"poly_single": 9.0}, CONTRADICTED, ""),
         ("nonlinear-single", {"poly_single": [8.0, 9.0, 8.7]}, UNDECIDED, ""),
-        ("lomp-like-rnn", {"lomp_single": 2.4}, CONTRADICTED, "margin 0.1 around 1"),
-        ("lomp-like-rnn", {"lomp_single": [2.3, 2.4, 2.35]}, UNDECIDED, "margin 0.1 around 1"),
+        ("lomp-like-rnn", {"lomp_single": 2.4}, CONTRADICTED, "margin 0.1 around 1 (ours)"),
+        ("lomp-like-rnn", {"lomp_single": [2.3, 2.4, 2.35]}, UNDECIDED, "margin 0.1 around 1 (ours)"),
         ("lomp-margin-double", {"poly_double": 20.0, "linear_double": 30.0}, OFF, "% from the published one"),
         ("lomp-margin-double", {"poly_double": [9.0, 14.0, 19.0]}, UNDECIDED, "% from the published one"),
         (
@@ -205,6 +205,54 @@ def test_a_printed_number_that_one_more_specimen_may_have_is_a_likely_draw(value
     drawn = pd.Series([*values, *values], index=pd.RangeIndex(2 * len(values), name="draw"))
     over = rules.near({"a": drawn}, {"a": printed}, best=best)
     assert np.isnan(over.draw_low) and rules.LIKELY not in over.reason, "draws of recordings are no specimens"
+
+
+@pytest.mark.parametrize(
+    ("rule", "options"),
+    [
+        ("above", {"limit": 2.1}),
+        ("above", {"limit": 1.5, "scale": "log"}),
+        ("below", {"limit": 2.1}),
+        ("below", {"limit": 5.0, "scale": "log"}),
+        ("within", {"around": 1.0, "margin": 1.2}),
+        ("within", {"around": 2.0, "margin": 0.4, "scale": "log"}),
+    ],
+)
+def test_at_the_limit_where_a_verdict_flips_it_flips(rule, options):
+    """A hundredth to one side and to the other of it the verdicts differ; the limit is said to be ours."""
+    values, printed = {"a": pd.Series([1.8, 2.1, 2.4, 2.0])}, {"a": np.nan}
+    key = "margin" if rule == "within" else "limit"
+    found = rules.RULES[rule](values, printed, **options)
+    sides = [
+        rules.RULES[rule](values, printed, **{**options, key: found.flips_at + off}).verdict for off in (-0.01, 0.01)
+    ]
+    assert sides[0] != sides[1] and found.verdict in sides and "(ours)" in found.reason
+
+
+def test_the_limit_of_a_plain_difference_or_ratio_is_the_sentences_own():
+    values, printed = {"a": pd.Series([1.8, 2.1, 2.4, 2.0])}, {"a": np.nan}
+    for limit in (0.0, 1.0):
+        found = rules.above(values, printed, limit=limit)
+        assert np.isnan(found.flips_at) and "(ours)" not in found.reason
+    assert np.isnan(rules.place(values, {"a": 2.0}).flips_at)
+
+
+def test_a_number_of_few_windows_says_how_many():
+    """Of the result that has the fewest; what is counted once a run, as a time or a correlation is, has none."""
+    rows = [
+        {"experiment": "touch", "protocol": "press", "condition": condition, "model": model, "metric": "touches_found"}
+        | {"seed": seed, "value": 0.9 - 0.01 * seed - 0.2 * (model != "lomp"), "n": n + seed}
+        for condition, n in (("three", 3), ("slide", 400)) for model in ("lomp", "linear_array") for seed in SEEDS
+    ]  # fmt: skip
+    few, many = (
+        judge.judged(BY_ID[f"lomp/recognised-{condition}"], one_table.Results(table(rows)))[0].reason
+        for condition in ("three", "slide")
+    )
+    assert "of 3 to 5 windows a run" in few and "windows" not in many
+    alike = one_table.Results(table([row | {"n": 4} for row in rows]))
+    assert "of 4 windows a run" in judge.judged(BY_ID["lomp/recognised-slide"], alike)[0].reason
+    alone = one_table.Results(table([row | {"n": 1} for row in rows]))
+    assert "windows" not in judge.judged(BY_ID["lomp/recognised-slide"], alone)[0].reason
 
 
 def test_a_ratio_of_times_is_shown_and_not_judged():
