@@ -11,7 +11,8 @@ recordings, each by a name of its own, all of which count as recorded data. An e
     published          the published value, where it is not the same expression over the paper's own tables
     data, kind, unit, protocol, metric   where they are not those of the file; data: simulated, recorded or the name
                        of further recordings; of several protocols, which test on different persons, one result;
-                       kind: `by construction` where the scene was built so, `beyond` where the paper does not claim it
+                       kind: `by construction` where the scene was built so, `beyond` where the paper does not claim it,
+                       `another split` where the number is judged on one already
     control            what a sentence must not come out with, see below
     over               what the interval is over, where that is not seeds
     tried              what was tried to find the reason, where the claim is not reproduced
@@ -51,10 +52,11 @@ from pipeline.scoring import published
 
 FOLDER = Path(__file__).parent
 SENTENCE, NUMBER, COUNT = "sentence", "number", "count"  # kinds of claims; the first two are counted
+BESIDE = "another split"  # kind: a number on another split than the one that its claim is judged on
 BEYOND = "beyond"  # kind: what the paper does not claim, a finding of ours beside it
 CONSTRUCTION, CALIBRATION = "by construction", "calibration"
 KINDS = {"near": NUMBER, "timed": NUMBER, "equal": COUNT, "fewer": COUNT, "calibrated": CALIBRATION}  # by rule
-ALL_KINDS = (SENTENCE, NUMBER, COUNT, CONSTRUCTION, CALIBRATION, BEYOND)
+ALL_KINDS = (SENTENCE, NUMBER, COUNT, CONSTRUCTION, CALIBRATION, BESIDE, BEYOND)
 UNTESTABLE = "untestable"
 KEYS = {"id", "text", "source", "each", "name", "published", "data", "kind", "unit", "protocol", "metric"}
 KEYS |= {"over", "tried", "control"}

@@ -212,12 +212,10 @@ def scale_of_printed(runs: pd.Series, best: float) -> str:
     return results.SHARE if best else results.LOG if (runs.dropna() > 0).all() else results.PLAIN
 
 
-def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str = "") -> Judgement:
+def near(values: Values, printed: Printed, *, best: float = 0.0) -> Judgement:
     """Judge a printed number in three steps, on the scale of errors: it matches, is near, or is off.
 
     best: the value of no error, such as 100 %; of 95 % right, the band is a share of the 5 % wrong.
-    unfinished: why a whole training would come nearer to `best`: then ours is a bound, which decides the claim only
-    where it is off by being better.
     """
     runs, published, whole = only(values), only(printed), best or 1
     scale = scale_of_printed(runs, best)
@@ -226,17 +224,11 @@ def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str
     band = BAND * abs(published - best)
     close, fair = (lies_within(mean.low, mean.high, published - width, published + width) for width in (band, 2 * band))
     verdict = MATCHES if close else NEAR if fair else OFF if close is False else UNDECIDED
-    better = mean.low > published + band if best > published else mean.high < published - band
-    if unfinished and (verdict != OFF or not better):
-        verdict = UNDECIDED
     off = (mean.mean - best) / (published - best) - 1
     reason = f"{'error ' if best else ''}{100 * off:+.0f} % from the published one"
-    reason += f"; a bound, as {unfinished}" if unfinished else ""
-    power = np.nan
-    if not unfinished:  # a bound cannot match
-        least, most = (published - 2 * band) / whole, (published + 2 * band) / whole
-        ratios = {"": runs / whole}, {"": published / whole}
-        power = _power(*ratios, lambda low, high: inside(low, high, least, most).all(axis=-1), scale)
+    least, most = (published - 2 * band) / whole, (published + 2 * band) / whole
+    ratios = {"": runs / whole}, {"": published / whole}
+    power = _power(*ratios, lambda low, high: inside(low, high, least, most).all(axis=-1), scale)
     width = (1 if verdict == OFF else 2) * band / whole
     p = between(runs / whole, published / whole - width, published / whole + width, scale, verdict)
     low, high = (np.nan, np.nan)

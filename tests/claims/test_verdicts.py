@@ -26,7 +26,7 @@ from pipeline.claims.rules import (
     REPRODUCED,
     UNDECIDED,
 )
-from pipeline.scoring import claim_inputs, one_table, published, results
+from pipeline.scoring import claim_inputs, one_table, published, results, shards
 
 CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
 BY_ID = {claim.id: claim for claim in CLAIMS}
@@ -79,7 +79,7 @@ def test_the_papers_own_numbers_reproduce_its_claims(paper):
         if np.isfinite(claim.published) and claim.rule != "about":  # "doubles" is 1.5 to 2.2 in the paper's own table
             assert found.ours == pytest.approx(claim.published, rel=1e-3, abs=1e-2), claim.id
             assert np.isnan(found.power) or found.power > 0.95, claim.id  # ours hardly spread there
-    assert tested == {"lomp": 33, "latent": 13, "sp_resnet": 65}[paper]
+    assert tested == {"lomp": 33, "latent": 13, "sp_resnet": 72}[paper]
 
 
 def test_sentences_and_numbers_are_judged_on_their_own_protocol():
@@ -93,8 +93,25 @@ def test_sentences_and_numbers_are_judged_on_their_own_protocol():
             kinds.setdefault((claim.paper, claim.kind), set()).add(claim.protocol)
     for (paper, kind), protocols in kinds.items():
         assert protocols <= strict[paper] | papers[paper]
-        assert kind == entries.NUMBER or not protocols & papers[paper], (paper, kind)
-    assert kinds["lomp", entries.NUMBER] == papers["lomp"]  # the SP-ResNet paper does not state its split
+        assert kind in (entries.NUMBER, entries.BESIDE) or not protocols & papers[paper], (paper, kind)
+    assert kinds["lomp", entries.NUMBER] == papers["lomp"]
+    assert kinds["sp_resnet", entries.NUMBER] <= strict["sp_resnet"], "the paper does not state its split"
+    assert kinds["sp_resnet", entries.BESIDE] == papers["sp_resnet"] and ("lomp", entries.BESIDE) not in kinds
+
+
+def test_no_number_of_the_glove_is_of_fewer_epochs_than_the_papers():
+    """Nor of random frames, where it is counted; those that stand beside have 50, or are of models without epochs."""
+    rows = [claim for claim in CLAIMS if claim.id.startswith("sp_resnet/precision-")]
+    numbers, beside = ([claim for claim in rows if claim.kind == kind] for kind in (entries.NUMBER, entries.BESIDE))
+    assert (len(numbers), len(beside)) == (21, 7) and len(rows) == 28
+    assert {claim.protocol for claim in numbers} == {"session_{condition}"}
+    networks = {claim.id for claim in beside if "naive_bayes" not in claim.id and "tree" not in claim.id}
+    assert networks == {"sp_resnet/precision-combined-sp_resnet-random"}
+    assert "[epochs_50]" in str(BY_ID["sp_resnet/precision-combined-sp_resnet-random"].values)
+    sets = shards.read_sets(Workspace(ROOT))
+    for name in ("glove_session", "glove_session_networks"):
+        trained = {key: value for key, value in sets[name].set.items() if key.endswith("training.epochs")}
+        assert len(trained) == 5 and set(trained.values()) == {50}, name
 
 
 def at_levels(**changes) -> one_table.Results:
@@ -172,9 +189,6 @@ def test_verdicts_turn_with_the_numbers(claim, changes, verdict, words):
         ("above", [-1.0, -1.1, -0.9], {"unfinished": "of few epochs"}, UNDECIDED),  # would rise when finished
         ("above", [1.0, 1.1, 0.9], {"unfinished": "of few epochs"}, REPRODUCED),
         ("near", [10.9, 10.91, 10.92], {"best": 12.0}, MATCHES),  # error 1.1 where the paper's is 10: see printed
-        ("near", [10.9, 10.91, 10.92], {"best": 12.0, "unfinished": "of few epochs"}, UNDECIDED),
-        ("near", [2.7, 2.71, 2.72], {"unfinished": "of few epochs"}, UNDECIDED),
-        ("near", [1.3, 1.31, 1.32], {"unfinished": "of few epochs"}, OFF),  # better, and more so when finished
         ("calibrated", [9.0, 9.0], {}, CALIBRATED),
     ],
 )
@@ -416,7 +430,6 @@ def test_power_has_the_spread_of_runs_on_the_scale_of_their_interval(best):
     values, printed = (0.2 * runs, 2.0) if best == 0 else (100 - 2 * runs, 80.0)
     found = rules.near({"a": pd.Series(values)}, {"a": printed}, best=best)
     assert found.verdict == OFF and found.power > 0.95
-    assert np.isnan(rules.near({"a": pd.Series(values)}, {"a": printed}, best=best, unfinished="why").power)
 
 
 @pytest.mark.parametrize(
