@@ -92,7 +92,7 @@ CHOSEN = {
     "inference/timing.py": ("most_filled between", ONE_LOG),
     "scenes/touch_stress.py": ("plan", f"{SPECIMENS} stability/test_stress_windows.py"),
     "stages/metrics.py": ("of_experiment", "general/test_golden.py"),
-    "claims/rules.py": ("above near within order TOLERANCE BAND", VERDICTS),
+    "claims/rules.py": ("above near within order timed BAND", VERDICTS),
     "claims/expressions.py": ("evaluate _value", VERDICTS),
 }
 SWAPPED = {

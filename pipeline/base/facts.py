@@ -23,7 +23,7 @@ class Paper(NamedTuple):
     printed: str  # the metric's name there
     times: int  # how many of its units are one of ours
     conditions: Mapping[str, str]  # of its table -> heading
-    splits: Mapping[str, str]  # protocols of a condition -> in words; the paper's own first
+    splits: Mapping[str, str]  # protocols of a condition -> in words; that of verdicts first, as a rule the paper's
     variants: Mapping[tuple[str, str], str] = {}  # (protocol, model) -> variant that stands for the model
     epochs: int | None = None  # of its trainings; None where it prints no number
 

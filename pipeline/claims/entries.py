@@ -10,11 +10,25 @@ recordings, each by a name of its own, all of which count as recorded data. An e
     name               what each of these is called in a reason
     published          the published value, where it is not the same expression over the paper's own tables
     data, kind, unit, protocol, metric   where they are not those of the file; data: simulated, recorded or the name
-                       of further recordings; of several protocols, which test on different persons, one result
-    control            model -> another: with that in its place the claim must not come out
+                       of further recordings; of several protocols, which test on different persons, one result;
+                       kind: `by construction` where the scene was built so, `beyond` where the paper does not claim it,
+                       `another split` where the number is judged on one already
+    control            what a sentence must not come out with, see below
     over               what the interval is over, where that is not seeds
-    measured           true where it rests on measured times, which differ between runs and machines
     tried              what was tried to find the reason, where the claim is not reproduced
+
+Every sentence that is judged has a control that should fail it: what passes with its control, too, tells nothing. It is
+model -> another, which takes its place in results without a variant, or the name of what is tried -> the value that the
+sentence would have with it, an expression, or several as of a rule. Which one:
+
+    one of two models is better    what reads no sensor, the constant map or chance, in place of the better one; where a
+                                   network is said to suffer, which what reads no sensor never does, in place of it
+    one model alone is judged, or  the simplest model that reads the sensor, linear regression or raw readings, in its
+    no difference is claimed       place, as nothing in the sentence is worse than it
+    a cause is claimed             a model without it, such as one without convolutions or messages, or a variant that
+                                   is said not to have the effect
+    one model on the same data     what reads no sensor has one error in both, so that nothing could pass: the value by
+    with two settings              arithmetic, a difference of 0 or a ratio of 1
 
 A family is `for` (axis -> values) and `claims`: its entries once for every combination. In every text `{axis}` is the
 value, `{axis.name}` its name; `{published}` is the published value. A value of an axis may have further words.
@@ -38,11 +52,14 @@ from pipeline.scoring import published
 
 FOLDER = Path(__file__).parent
 SENTENCE, NUMBER, COUNT = "sentence", "number", "count"  # kinds of claims; the first two are counted
+BESIDE = "another split"  # kind: a number on another split than the one that its claim is judged on
+BEYOND = "beyond"  # kind: what the paper does not claim, a finding of ours beside it
 CONSTRUCTION, CALIBRATION = "by construction", "calibration"
-KINDS = {"near": NUMBER, "measured_near": NUMBER, "equal": COUNT, "fewer": COUNT, "calibrated": CALIBRATION}  # by rule
+KINDS = {"near": NUMBER, "timed": NUMBER, "equal": COUNT, "fewer": COUNT, "calibrated": CALIBRATION}  # by rule
+ALL_KINDS = (SENTENCE, NUMBER, COUNT, CONSTRUCTION, CALIBRATION, BESIDE, BEYOND)
 UNTESTABLE = "untestable"
 KEYS = {"id", "text", "source", "each", "name", "published", "data", "kind", "unit", "protocol", "metric"}
-KEYS |= {"over", "measured", "tried", "control"}
+KEYS |= {"over", "tried", "control"}
 SIMULATED, RECORDED = "simulated", "recorded"  # data
 HEAD = {"paper", "title", "names", SIMULATED, RECORDED, "further", "claims", "lists"}
 
@@ -62,6 +79,15 @@ class Source:
     printed: str = ""  # the metric that the paper prints in place of it
     conditions: Mapping[str, str] = field(default_factory=dict)  # condition -> the paper's, where it is another word
     splits: Mapping[str, object] = field(default_factory=dict)  # in place of a variant -> the protocols it stands for
+
+
+@dataclass(frozen=True)
+class Control:
+    """What a claim must not come out with: other models, or other values."""
+
+    name: str  # in sentences
+    models: Mapping[str, str] = field(default_factory=dict)  # model -> the one in its place
+    values: Mapping[str, str] = field(default_factory=dict)  # name -> expression, in place of the claim's
 
 
 @dataclass(frozen=True)
@@ -86,10 +112,9 @@ class Claim:
     printed: Mapping[str, float]  # of each of `values`
     names: Mapping[str, str]  # of models, in sentences
     over: str = "seeds"
-    measured: bool = False
     reason: str = ""  # of an untestable claim
     tried: str = ""
-    control: Mapping[str, str] = field(default_factory=dict)  # model -> another
+    control: Control | None = None
 
 
 @dataclass(frozen=True)
@@ -217,10 +242,15 @@ def _claim(
     needed = [key for key, option in taken.items() if option.default is option.empty and key not in (*options, "step")]
     if needed:
         raise InputError(f"the rule `{rule}` needs '{needed[0]}'")
+    kind = entry.get("kind", KINDS.get(rule, SENTENCE))
+    if kind not in ALL_KINDS:
+        raise InputError(f"kind '{kind}' is none of {', '.join(ALL_KINDS)}")
     if unknown := set(entry) - KEYS - {rule, *taken}:
         raise InputError(f"key '{sorted(unknown)[0]}' is unknown to the rule `{rule}`")
     given = entry.get("data", SIMULATED).format_map(words)
     source, data = sources[given], SIMULATED if given == SIMULATED else RECORDED
+    if kind == SENTENCE and rule in RULES and rule != "timed" and "control" not in entry:
+        raise InputError("a sentence needs a 'control', with which it must not come out")
     metric = entry.get("metric", source.metric)
 
     def paper_says(expression: str, column: str = "value") -> float:
@@ -251,7 +281,7 @@ def _claim(
         text=text["text"],
         section=text["source"],
         data=data,
-        kind=entry.get("kind", KINDS.get(rule, SENTENCE)),
+        kind=kind,
         unit=entry.get("unit", source.unit),
         experiment=source.experiment,
         rule=rule,
@@ -264,11 +294,41 @@ def _claim(
         printed=on_paper,
         names=names,
         over=entry.get("over", "seeds"),
-        measured=entry.get("measured", False),
         reason=entry[rule].format_map(words) if rule == UNTESTABLE else "",
         tried=entry.get("tried", "").format_map(said),
-        control={one.format_map(words): other for one, other in entry.get("control", {}).items()},
+        control=_control(entry, words, names, expressions, source) if "control" in entry else None,
     )
+
+
+def _control(
+    entry: Mapping, words: Mapping, names: Mapping[str, str], expressions: Mapping[str, str], source: Source
+) -> Control:
+    """Return the control of an entry; expressions: of the claim. Raises InputError for one that changes nothing."""
+    given, read = {one.format_map(words): other for one, other in entry["control"].items()}, set()
+
+    def note(result: Result) -> np.float64:
+        read.update({result.model} if result.variant in ("", *source.splits) else ())
+        return np.float64(np.nan)
+
+    if not all(isinstance(other, str) and other.isidentifier() for other in given.values()):
+        if len(given) > 1:
+            raise InputError("a control is model -> another, or one name -> a value or expressions")
+        ((name, rule),) = given.items()
+        values = dict(_expressions(entry, rule if isinstance(rule, Mapping) else str(rule), words, names))
+        for expression in values.values():
+            evaluate(expression, note)
+        return Control(name, values=values)
+    for expression in expressions.values():
+        evaluate(expression, note)
+    if idle := sorted(set(given) - read):
+        raise InputError(f"its control changes nothing: no result of '{idle[0]}' without a variant is in the claim")
+    new, old = (list(dict.fromkeys(names.get(model, model) for model in side)) for side in (given.values(), given))
+    return Control(f"{_listed(new)} in place of {_listed(old)}", given)
+
+
+def _listed(words: Sequence[str]) -> str:
+    """Return `a`, `a and b` or `a, b and c`."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def _expressions(entry: Mapping, rule: object, words: Mapping, names: Mapping) -> Iterator[tuple[str, str]]:

@@ -6,7 +6,8 @@ printed number `matches` where all of the interval is within BAND of it, is `nea
 none of the interval is within BAND. Two models are compared by differences paired by seed, whose data they share.
 
 Where a sentence claims several directions, all must hold for it to be reproduced, which needs no correction; to
-contradict it one must fail by Holm's test over all of them (Holm 1979), and the reason names it.
+contradict it one must fail by Holm's test over all of them (Holm 1979), and the reason names it. `weak` are decided
+sentences that do not pass Holm's test over all of these.
 
 A rule takes `values` (name -> one value per seed), `printed` (name -> the published value, NaN where there is none),
 and the options of the claim. `power` is the chance of a good verdict if the paper is exactly right.
@@ -25,15 +26,16 @@ from pipeline.scoring.units import DRAW, WHOLE
 
 REPRODUCED, CONTRADICTED, UNDECIDED = "reproduced", "contradicted", "undecided"
 MATCHES, NEAR, OFF = "matches", "near", "off"
-CALIBRATED, OUTSIDE = "calibrated", "outside"
+CALIBRATED, OUTSIDE, BEYOND = "calibrated", "outside", "beyond"
 VERDICTS = (REPRODUCED, MATCHES, NEAR, CONTRADICTED, OFF, UNDECIDED)  # of what is counted
 GOOD, BAD = (REPRODUCED, MATCHES, NEAR), (CONTRADICTED, OFF)
-TOLERANCE = 0.1  # of a ratio of measured times: less is no difference
 BAND = 0.15  # of a printed error: a number that matches differs by less, a near one by less than twice that
 RANKS = 0.5  # rank correlation of an order with the printed one
 ALPHA = (1 - results.CONFIDENCE) / 2  # of one side
 DRAWS = 1000  # of a power
+LIKELY = "a likely draw"  # of a printed number that one further specimen of ours may have
 NOTHING = "there are no values to compare"
+FIXED = "fixed"  # name of the index of a value that is known by arithmetic, as that of chance is: it has no spread
 Values, Printed = Mapping[str, pd.Series], Mapping[str, float]
 
 
@@ -57,14 +59,27 @@ class Judgement:
     runs: int = 0
     power: float = np.nan
     trainings: int = 0  # behind draws of recordings
+    p: float = np.nan  # two-sided, of the interval that decided; NaN where none did
+    draw_low: float = np.nan  # of one further specimen, as a paper has one
+    draw_high: float = np.nan
+    flips_at: float = np.nan  # the limit, where it is ours, at which the verdict would be another
+    control: str = ""  # what must not come out, and our number with it
+    control_value: float = np.nan
+
+
+def fixed(value: float) -> pd.Series:
+    """Return a value that is known by arithmetic as one that a rule takes."""
+    return pd.Series([value], index=pd.Index([0], name=FIXED))
 
 
 def interval(values: pd.Series, scale: str = results.PLAIN) -> results.Estimate:
     """Return mean and interval over the seeds that every side of a difference has, or over draws of recordings.
 
-    scale: as of `estimate`; of draws the quantiles are the interval.
+    scale: as of `estimate`; of draws the quantiles are the interval, of a `fixed` value the value itself is.
     Raises Open where there is no interval.
     """
+    if values.index.name == FIXED:
+        return results.Estimate(*3 * [float(values.iloc[0])], 1, 0)
     if values.index.name == DRAW:
         drawn = values[values.index != WHOLE]
         low, high = np.quantile(drawn, (ALPHA, 1 - ALPHA))
@@ -90,6 +105,8 @@ def doubt(values: pd.Series, limit: float, scale: str, side: str) -> float:
 
     A t test, for shares a binomial test of the effective trials; of draws their share beyond the limit.
     """
+    if values.index.name == FIXED:
+        return float((values.iloc[0] >= limit) if side == "less" else (values.iloc[0] <= limit))
     if values.index.name == DRAW:
         drawn = values[values.index != WHOLE]
         return float(((drawn >= limit) if side == "less" else (drawn <= limit)).mean())
@@ -103,6 +120,50 @@ def doubt(values: pd.Series, limit: float, scale: str, side: str) -> float:
     there, _ = results.SCALES[scale]
     rises = np.sign(there(limit + 0.01) - there(limit))
     return float(stats.ttest_1samp(rises * there(values.dropna()), rises * there(limit), alternative=side).pvalue)
+
+
+def chance(values: pd.Series, limit: float, scale: str, side: str) -> float:
+    """Return `doubt`, of draws the normal tail where that is more: of a thousand draws none may lie beyond a limit."""
+    p = doubt(values, limit, scale, side)
+    drawn = values[values.index != WHOLE]
+    if values.index.name == DRAW and drawn.std() > 0:
+        z = (drawn.mean() - limit) / drawn.std()
+        p = max(p, float(stats.norm.cdf(z) if side == "less" else stats.norm.sf(z)))
+    return p
+
+
+def between(values: pd.Series, least: float, most: float, scale: str, verdict: str) -> float:
+    """Return the two-sided p value of a verdict by two bounds: inside both where it is good, beyond one where not."""
+    if verdict in GOOD:
+        return 2 * max(chance(values, least, scale, "greater"), chance(values, most, scale, "less"))
+    if verdict in BAD:
+        return 2 * min(chance(values, least, scale, "less"), chance(values, most, scale, "greater"))
+    return np.nan
+
+
+def all_beyond(values: Values, limit: float, scale: str, side: str, verdict: str) -> float:
+    """Return the two-sided p value of a verdict that all values are beyond a limit; side: `greater` or `less`."""
+    other = {"greater": "less", "less": "greater"}[side]
+    if verdict in GOOD:  # all must be
+        return min(1.0, 2 * max(chance(runs, limit, scale, side) for runs in values.values()))
+    if verdict in BAD:  # by Holm's test one is not
+        return min(1.0, 2 * len(values) * min(chance(runs, limit, scale, other) for runs in values.values()))
+    return np.nan
+
+
+def ours(limit: float) -> bool:
+    """Return whether a limit is one that we chose: 0 of a difference and 1 of a ratio are the sentence's own."""
+    return limit not in (0, 1)
+
+
+def said(limit: float) -> str:
+    """Return a limit in words."""
+    return f"limit {limit:g}{' (ours)' * ours(limit)}"
+
+
+def flip(mean: results.Estimate, limit: float) -> float:
+    """Return the limit nearest to ours at which a verdict is another, a bound of the interval that decides it."""
+    return min(mean.low, mean.high, key=lambda bound: abs(bound - limit)) if ours(limit) else np.nan
 
 
 def above(
@@ -123,11 +184,12 @@ def above(
         verdict = UNDECIDED
     held = sum(mean.low > limit for mean in means.values())
     word = {REPRODUCED: "the narrowest is", CONTRADICTED: "decided by", UNDECIDED: "the least certain is"}[verdict]
-    reason = f"{held} of {count} hold; {word} {decides}" if count > 1 else f"limit {limit:g}" if limit else ""
+    reason = f"{held} of {count} hold; {word} {decides}" if count > 1 else said(limit) if limit else ""
     if unfinished and verdict == CONTRADICTED:
         verdict, reason = UNDECIDED, "; ".join(filter(None, [reason, f"a bound, as {unfinished}"]))
     power, mean = _power(values, printed, lambda low, high: (low > limit).all(axis=-1), scale), means[decides]
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
+    p = all_beyond(values, limit, scale, "greater", verdict)
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p, flips_at=flip(mean, limit))
 
 
 def below(values: Values, printed: Printed, *, limit: float, scale: str = results.PLAIN) -> Judgement:
@@ -139,53 +201,62 @@ def below(values: Values, printed: Printed, *, limit: float, scale: str = result
         verdict, decides = REPRODUCED, max(means, key=lambda name: means[name].high)
     elif len(means) * doubts[decides] < ALPHA:
         verdict = CONTRADICTED
-    reason = f"limit {limit:g}" + (f"; decided by {decides}" if len(means) > 1 else "")
+    reason = said(limit) + (f"; decided by {decides}" if len(means) > 1 else "")
     power, mean = _power(values, printed, lambda low, high: (high < limit).all(axis=-1), scale), means[decides]
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
+    p = all_beyond(values, limit, scale, "less", verdict)
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p, flips_at=flip(mean, limit))
 
 
-def near(values: Values, printed: Printed, *, best: float = 0.0, unfinished: str = "") -> Judgement:
+def scale_of_printed(runs: pd.Series, best: float) -> str:
+    """Return the scale of a printed number: a share, an error or a ratio of errors, or a gain, which may be below 0."""
+    return results.SHARE if best else results.LOG if (runs.dropna() > 0).all() else results.PLAIN
+
+
+def near(values: Values, printed: Printed, *, best: float = 0.0) -> Judgement:
     """Judge a printed number in three steps, on the scale of errors: it matches, is near, or is off.
 
     best: the value of no error, such as 100 %; of 95 % right, the band is a share of the 5 % wrong.
-    unfinished: why a whole training would come nearer to `best`: then ours is a bound, which decides the claim only
-    where it is off by being better.
     """
-    runs, published = only(values), only(printed)
-    error = best == 0 and (runs.dropna() > 0).all()  # a gain, which is not, can be below zero
-    scale, whole = results.SHARE if best else results.LOG if error else results.PLAIN, best or 1
+    runs, published, whole = only(values), only(printed), best or 1
+    scale = scale_of_printed(runs, best)
     mean = interval(runs / whole, scale)
     mean = mean._replace(mean=whole * mean.mean, low=whole * mean.low, high=whole * mean.high)
     band = BAND * abs(published - best)
     close, fair = (lies_within(mean.low, mean.high, published - width, published + width) for width in (band, 2 * band))
     verdict = MATCHES if close else NEAR if fair else OFF if close is False else UNDECIDED
-    better = mean.low > published + band if best > published else mean.high < published - band
-    if unfinished and (verdict != OFF or not better):
-        verdict = UNDECIDED
     off = (mean.mean - best) / (published - best) - 1
     reason = f"{'error ' if best else ''}{100 * off:+.0f} % from the published one"
-    reason += f"; a bound, as {unfinished}" if unfinished else ""
-    power = np.nan
-    if not unfinished:  # a bound cannot match
-        least, most = (published - 2 * band) / whole, (published + 2 * band) / whole
-        ratios = {"": runs / whole}, {"": published / whole}
-        power = _power(*ratios, lambda low, high: inside(low, high, least, most).all(axis=-1), scale)
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power)
+    least, most = (published - 2 * band) / whole, (published + 2 * band) / whole
+    ratios = {"": runs / whole}, {"": published / whole}
+    power = _power(*ratios, lambda low, high: inside(low, high, least, most).all(axis=-1), scale)
+    width = (1 if verdict == OFF else 2) * band / whole
+    p = between(runs / whole, published / whole - width, published / whole + width, scale, verdict)
+    low, high = (np.nan, np.nan)
+    if runs.index.name != DRAW:
+        low, high = (whole * end for end in results.prediction(runs / whole, scale))
+    if low <= published <= high:
+        reason += f"; {LIKELY}"
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, 0, p, low, high)
 
 
 def about(values: Values, printed: Printed) -> Judgement:
     """Judge a number in a sentence ("about doubles"): near it or better reproduces the sentence."""
     found = near(values, printed)
     verdict = REPRODUCED if found.verdict in (MATCHES, NEAR) else CONTRADICTED if found.verdict == OFF else UNDECIDED
-    return replace(found, verdict=verdict)
+    reason = found.reason.removesuffix(f"; {LIKELY}")
+    return replace(found, verdict=verdict, reason=reason, draw_low=np.nan, draw_high=np.nan)
 
 
-def within(values: Values, printed: Printed, *, around: float, margin: float) -> Judgement:
+def within(values: Values, printed: Printed, *, around: float, margin: float, scale: str = results.PLAIN) -> Judgement:
     """Judge that nothing differs: all of the interval is within the margin of `around`."""
-    mean, bounds = interval(only(values)), (around - margin, around + margin)
+    mean, bounds = interval(only(values), scale), (around - margin, around + margin)
     verdict = {True: REPRODUCED, False: CONTRADICTED, None: UNDECIDED}[lies_within(mean.low, mean.high, *bounds)]
-    power = _power(values, printed, lambda low, high: inside(low, high, *bounds).all(axis=-1))
-    return Judgement(mean.mean, mean.low, mean.high, verdict, f"margin {margin:g} around {around:g}", mean.runs, power)
+    power = _power(values, printed, lambda low, high: inside(low, high, *bounds).all(axis=-1), scale)
+    p = between(only(values), *bounds, scale, verdict)
+    reason = f"margin {margin:g} around {around:g} (ours)"
+    off = abs(mean.low - around), abs(mean.high - around)
+    flips = min(max(off), 0.0 if mean.low < around < mean.high else min(off), key=lambda at: abs(at - margin))
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p, flips_at=flips)
 
 
 def place(values: Values, printed: Printed) -> Judgement:
@@ -194,7 +265,8 @@ def place(values: Values, printed: Printed) -> Judgement:
     if len(runs) >= results.FEWEST and runs.nunique() == 1:
         verdict = REPRODUCED if runs.iloc[0] == published else CONTRADICTED
         return Judgement(runs.iloc[0], np.nan, np.nan, verdict, "in every run", len(runs))
-    return replace(within(values, printed, around=published, margin=0.5), power=np.nan)
+    found = within(values, printed, around=published, margin=0.5)
+    return replace(found, power=np.nan, reason=found.reason.removesuffix(" (ours)"), flips_at=np.nan)
 
 
 def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgement:
@@ -207,8 +279,9 @@ def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgemen
         return Judgement(correlation.iloc[0], np.nan, np.nan, verdict, "in every run", len(correlation))
     mean = interval(correlation)
     verdict = REPRODUCED if mean.low > limit else CONTRADICTED if mean.high < limit else UNDECIDED
-    reason = f"rank correlation with the printed order; limit {limit:g}"
-    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs)
+    reason = f"rank correlation with the printed order; {said(limit)}"
+    p = all_beyond({"": correlation}, limit, results.PLAIN, "greater", verdict)
+    return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, p=p, flips_at=flip(mean, limit))
 
 
 def equal(values: Values, printed: Printed, *, step: float) -> Judgement:
@@ -225,32 +298,32 @@ def fewer(values: Values, printed: Printed) -> Judgement:
     return Judgement(ours, np.nan, np.nan, REPRODUCED if ours < 1 else CONTRADICTED, "", 1, 1.0)
 
 
-def slower(values: Values, printed: Printed, *, tolerance: float = TOLERANCE) -> Judgement:
-    """Judge ratios of measured medians, which have no interval: all are above 1 + tolerance; the smallest is shown."""
-    ratios = {name: float(value.iloc[0]) for name, value in values.items()}
-    wrong = [name for name, ratio in ratios.items() if not ratio > 1 + tolerance]
-    verdict, reason = REPRODUCED, "one measurement, no interval"
-    if wrong:
-        verdict = UNDECIDED if all(abs(ratios[name] - 1) <= tolerance for name in wrong) else CONTRADICTED
-        reason = f"{'too close' if verdict == UNDECIDED else 'not'}: {', '.join(wrong)}; {reason}"
-    return Judgement(min(ratios.values()), np.nan, np.nan, verdict, reason, 1)
-
-
-def measured_near(values: Values, printed: Printed) -> Judgement:
-    """Judge a measured number without an interval, in the steps of `near`."""
-    ours, published = float(only(values).iloc[0]), only(printed)
-    off = ours / published - 1
-    verdict = MATCHES if abs(off) <= BAND else NEAR if abs(off) <= 2 * BAND else OFF
-    reason = f"{100 * off:+.0f} % from the published one; one measurement, no interval"
-    return Judgement(ours, np.nan, np.nan, verdict, reason, 1)
+def timed(values: Values, printed: Printed) -> Judgement:
+    """Return a ratio of measured times, the smallest of several; the paper's are of other devices."""
+    means = [results.estimate(runs, results.LOG) for runs in values.values()]
+    mean = min(means, key=lambda each: each.mean)
+    reason = "the paper's devices are not at hand; ratios of times on others do not compare"
+    return Judgement(mean.mean, mean.low, mean.high, OUTSIDE, reason, mean.runs)
 
 
 def calibrated(values: Values, printed: Printed) -> Judgement:
     """Return the error, or ratio of errors, that a scene was tuned to, which is no evidence, whatever it is."""
-    mean = results.estimate(only(values), results.LOG)
-    off = mean.mean / only(printed) - 1
-    reason = f"{100 * off:+.0f} % from the published one; a setting of the scene was chosen by it, on validation parts"
-    return Judgement(mean.mean, mean.low, mean.high, CALIBRATED, reason, mean.runs)
+    runs, published = only(values), only(printed)
+    scale = scale_of_printed(runs, 0)
+    mean, (low, high) = results.estimate(runs, scale), results.prediction(runs, scale)
+    reason = f"{100 * (mean.mean / published - 1):+.0f} % from the published one"
+    reason += f"; {LIKELY}" * (low <= published <= high)
+    reason += "; a setting of the scene was chosen by it, on validation parts"
+    return Judgement(mean.mean, mean.low, mean.high, CALIBRATED, reason, mean.runs, draw_low=low, draw_high=high)
+
+
+def weak(p: np.ndarray) -> np.ndarray:
+    """Return which of these p values (n,) Holm's test over all of them does not reject at 5 %; NaN is none of them."""
+    p, result = np.asarray(p, float), np.zeros(len(p), bool)
+    order = [at for at in np.argsort(p, kind="stable") if np.isfinite(p[at])]
+    limits = (1 - results.CONFIDENCE) / np.arange(len(order), 0, -1)
+    result[order] = np.cumsum(p[order] > limits) > 0
+    return result
 
 
 def _power(
@@ -281,6 +354,5 @@ def _power(
 
 Rule = Callable[..., Judgement]
 RULES: dict[str, Rule] = {
-    rule.__name__: rule
-    for rule in (above, below, near, about, within, place, order, equal, fewer, slower, measured_near, calibrated)
+    rule.__name__: rule for rule in (above, below, near, about, within, place, order, equal, fewer, timed, calibrated)
 }

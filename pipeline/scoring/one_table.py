@@ -49,6 +49,7 @@ class Results:
         rows = rows[~by_unit]
         groups = rows.groupby([*KEY, "budget"]).indices
         seeds, numbers = rows["seed"].to_numpy(), rows["value"].to_numpy(float)
+        self._at, self._items = groups, pd.to_numeric(rows["n"]).to_numpy(float)
         self._runs = {key: pd.Series(numbers[at], index=seeds[at]).sort_index() for key, at in groups.items()}
         scored = rows[
             rows["metric"] != TRAIN_S
@@ -76,6 +77,16 @@ class Results:
                 if (key := (experiment, name, condition, model, variant, metric, at)) in self._runs:
                     return self._runs[key], at
         return pd.Series(dtype=float), ""
+
+    def items(
+        self, experiment: str, protocol: str, condition: str, model: str, metric: str, variant: str, budget: str
+    ) -> tuple[int, int] | None:
+        """Return the fewest and the most test items of a run; None where they are not told or there is one alone."""
+        for name in (protocol, ""):
+            if len(at := self._at.get((experiment, name, condition, model, variant, metric, budget), ())):
+                n = self._items[at]
+                return (int(n.min()), int(n.max())) if np.isfinite(n).all() and n.min() > 1 else None
+        return None
 
     def draws(
         self,

@@ -91,6 +91,23 @@ def intervals(values: np.ndarray, scale: str) -> tuple[np.ndarray, np.ndarray, n
     return back(mean), np.minimum(*ends), np.maximum(*ends)
 
 
+def prediction(values: Sequence[float], scale: str = PLAIN) -> tuple[float, float]:
+    """Return the 95 % interval of one further run, such as the one specimen of a paper; NaN where `estimate` has none.
+
+    The t interval of a new value on the scale, turned back (Hahn and Meeker 1991, Statistical intervals), of shares on
+    that of their arcsines.
+    """
+    values = np.asarray(values, dtype=float)
+    good = values[np.isfinite(values)]
+    if len(good) < FEWEST or np.ptp(good) <= SAME * np.abs(good).max():
+        return np.nan, np.nan
+    there, back = SCALES[PLAIN if scale == LOG and good.min() <= 0 else scale]
+    seen = there(good)
+    half = student(len(good)) * seen.std(ddof=1) * np.sqrt(1 + 1 / len(good))
+    low, high = sorted(float(back(seen.mean() + side * half)) for side in (-1, 1))
+    return low, high
+
+
 def student(runs: int) -> float:
     """Return how many standard errors a 95 % t interval reaches to either side; NaN for one run."""
     return float(stats.t.ppf((1 + CONFIDENCE) / 2, runs - 1))

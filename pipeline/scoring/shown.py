@@ -44,7 +44,7 @@ class Column(NamedTuple):
     condition: str
     split: str  # of the paper's `splits`; empty where the evidence has no number
     cells: dict[str, Cell]  # model -> its number, where it is computed
-    own: list[str]  # models that are computed on the paper's own split
+    own: list[str]  # models that are computed on the split of the verdicts
 
 
 class Origin(NamedTuple):
@@ -76,7 +76,7 @@ def variant_of(experiment: str, protocol: str, model: str) -> str:
 def paper_table(results: Results, experiment: str) -> list[Column]:
     """Return what stands beside the numbers of the paper of a simulated experiment, a column for each condition.
 
-    Ours are of the paper's split; where the evidence has more models on it, of the split that no recording crosses.
+    Ours are of the split of the verdicts, the first of `splits`, or of one on which more models are computed.
     """
     paper, columns = facts(experiment).paper, []
     own = next(iter(paper.splits))

@@ -19,7 +19,7 @@ def main(workspace: Workspace) -> None:
     arguments.parse(__doc__)
     claims, _ = entries.read(workspace)
     claims = [judge.on_own_logs(claim, values) for claim in claims]
-    judged = judge.table(claims, one_table.results(workspace, one_table.of_own_logs(values)))
+    judged = judge.weighed(judge.table(claims, one_table.results(workspace, one_table.of_own_logs(values))))
     files.write_table(workspace.reports / "claims.csv", judged)
     tried = {claim.id: claim.tried for claim in claims}
     files.write_text(workspace.reports / "claims.md", text(workspace, judged, tried))

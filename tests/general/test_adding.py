@@ -21,6 +21,7 @@ CLAIM = """\
     text: On double touch LoMP errs less than a linear regression does, by {published:.1f} kPa.
     source: Table I
     above: double.linear - double.lomp
+    control: {lomp: constant}
 """
 MODEL = '''\
 """Build ridge regression from the whole window to the whole map."""

@@ -17,22 +17,36 @@ from benchmarks import report as benchmarks_report
 from pipeline.base import params
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
-from pipeline.claims.rules import CONTRADICTED, OFF
+from pipeline.claims.rules import CONTRADICTED, OFF, REPRODUCED, UNDECIDED
 from pipeline.commands import coverage
+from pipeline.experiments import facts
 from pipeline.reporting import array, recorded, speed, stability, studies
 from pipeline.reporting import claims as claims_report
 from pipeline.reporting import experiment as experiment_report
 from pipeline.reporting.page import sections
 from pipeline.reporting.words.labels import FRONTS, SPREAD
-from pipeline.scoring import one_table, results
+from pipeline.scoring import one_table, results, shown
 from pipeline.stages import metrics, render, render_study, twins
 from pipeline.studies import counts
 
 REPOSITORY = Workspace(ROOT)
 VALUES, REPORTS = params.load(REPOSITORY.params), REPOSITORY.reports
 CLAIMS, _ = entries.read(REPOSITORY)
-NUMBERS = ["published", "ours", "low", "high", "power", "seeds"]
-WORDS = ["verdict", "reason", "budget", "over", "unit"]
+NUMBERS = [
+    "published",
+    "ours",
+    "low",
+    "high",
+    "power",
+    "seeds",
+    "control_value",
+    "p",
+    "weak",
+    "draw_low",
+    "draw_high",
+    "flips_at",
+]
+WORDS = ["verdict", "reason", "budget", "over", "unit", "control"]
 
 
 def relative(path) -> str:
@@ -52,7 +66,7 @@ def read(path) -> pd.DataFrame:
 @pytest.fixture(scope="module")
 def judged(kept) -> pd.DataFrame:
     """claims.csv, computed anew."""
-    return judge.table(CLAIMS, kept)
+    return judge.weighed(judge.table(CLAIMS, kept))
 
 
 def test_claims_follow_from_the_results(judged):
@@ -63,6 +77,33 @@ def test_claims_follow_from_the_results(judged):
         assert same(row[NUMBERS], committed.loc[claim, NUMBERS]), claim
     text = claims_report.text(REPOSITORY, judged, {claim.id: claim.tried for claim in CLAIMS})
     assert text == (REPORTS / "claims.md").read_text(encoding="utf-8")
+
+
+def test_every_reproduced_sentence_has_a_control_that_failed():
+    committed = read(REPORTS / "claims.csv")
+    rows = committed[committed["verdict"].eq(REPRODUCED) & committed["kind"].eq(entries.SENTENCE)]
+    assert len(rows) > 20 and (rows["control"] != "").all() and np.isfinite(rows["control_value"]).all()
+    passed = committed[committed["reason"].str.startswith("its control passes, too")]
+    assert len(passed) > 5 and set(passed["verdict"]) == {UNDECIDED}
+
+
+@pytest.mark.parametrize("experiment", [name for name in VALUES["experiments"] if facts(name).paper])
+def test_a_claim_has_the_interval_of_the_same_number_in_the_readme(experiment, kept):
+    """Also where the scene was calibrated by it, and of a ratio, on the same scale."""
+    committed, tested = read(REPORTS / "claims.csv").set_index("id"), set()
+    by_number = {tuple(claim.values.values()): claim for claim in CLAIMS if claim.rule in ("near", "calibrated")}
+    for column in shown.paper_table(kept, experiment):
+        for model, cell in column.cells.items():
+            share = facts(experiment).paper.times == 100
+            name = f"{column.condition}.{model}"
+            claim = by_number.get((f"100 * {name}" if share else name,))
+            if claim is None or claim.protocol.format(condition=column.condition) != cell.protocol:
+                continue
+            found = kept.estimate(*cell)
+            found = found.percent() if share else found
+            assert same(committed.loc[claim.id, ["ours", "low", "high"]], found[:3]), claim.id
+            tested.add(claim.rule)
+    assert "near" in tested and (experiment != "strain" or "calibrated" in tested)
 
 
 def test_the_reason_for_every_contradiction_was_looked_for():

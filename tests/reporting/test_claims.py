@@ -21,6 +21,7 @@ CLAIMS = pd.DataFrame(
         ("lomp/d", "number", "simulated", "calibrated", 5.0),
         ("lomp/e", "number", "simulated", "outside", 6.0),
         ("lomp/f", "count", "simulated", "reproduced", 7.0),
+        ("lomp/g", "beyond", "simulated", "beyond", 8.0),
     ],
     columns=COLUMNS,
 )
@@ -56,21 +57,43 @@ def test_on_own_logs_a_claim_is_of_recorded_data(workspace):
 )
 def test_a_claim_is_a_row_with_its_verdict_and_reason(numbers, reason, row):
     given = dict(zip(["ours", "low", "high", "published"], numbers, strict=True))
-    given |= {"claim": "A.", "unit": "kPa", "verdict": "undecided", "reason": reason}
+    given |= {"claim": "A.", "unit": "kPa", "verdict": "undecided", "reason": reason, "control": ""}
     assert claims.short_row(pd.Series(given)) == ["A.", *row]
+    with_control = given | {"control": "Linear in place of LoMP", "control_value": -0.25}
+    why = "; ".join(filter(None, [reason, "control: Linear in place of LoMP (-0.250)"]))
+    assert claims.short_row(pd.Series(with_control)) == ["A.", *row[:-1], why]
 
 
 def test_what_was_tried_stands_where_a_claim_is_not_reproduced(workspace):
     rows = CLAIMS.assign(
         paper="lomp", claim="A.", section="I", published=1.0, low=0.0, high=2.0, unit="kPa", measured=0,
         reason="why", over="seeds", seeds=3, power=0.25, budget="full", protocol="press",
+        control="Linear in place of LoMP", control_value=0.5, draw_low=0.25, draw_high=3.0, flips_at=0.75,
     )  # fmt: skip
     text = claims.text(workspace, rows, {"lomp/a": "It was turned around.", "lomp/b": "Not shown."})
     tried = text.split("what was tried where a claim is not reproduced")[1]
     assert "- **A** (undecided; why)\n\nIt was turned around." in tried and "Not shown." not in text
+    assert (
+        len(re.findall(r"\| 0.250 to 3.00 \| +0.750 \| Linear in place of LoMP \(0.500\) \|", text)) == len(rows) - 1
+    ), "all but what is beyond the paper"
     assert tried.count("No reason was looked for.") == 1
     (waiting,) = re.findall(r"\n\| A\. .*", text.split("## Open claims")[1].split("\n## ")[0])
     assert [cell.strip() for cell in waiting.split("|")[1:-1]] == ["A.", "simulated", "25 %", "3 seeds", "why"]
+
+
+def test_what_is_beyond_the_papers_has_its_own_section(workspace):
+    rows = CLAIMS.assign(
+        paper="lomp", claim=CLAIMS["id"], section="I", published=1.0, low=0.0, high=2.0, unit="kPa", measured=0,
+        reason="it does not hold", over="seeds", seeds=3, power=0.25, budget="full", protocol="press",
+        control="Linear in place of LoMP", control_value=0.5, draw_low=0.25, draw_high=3.0, flips_at=0.75,
+    )  # fmt: skip
+    text = claims.text(workspace, rows, {"lomp/g": "It was turned around."})
+    section, papers = text.split("## Beyond the papers")[1].split("\n## LoMP")
+    (line,) = [line for line in section.splitlines() if "lomp/" in line]
+    assert [cell.strip() for cell in line.split("|")[1:-1]] == [
+        "lomp/g", "simulated", "8.00 [0.000, 2.00]", "kPa", "it does not hold",
+    ]  # fmt: skip
+    assert "| lomp/g" not in papers and "It was turned around." in papers
 
 
 def test_every_claim_that_a_report_asks_for_is_there(workspace):

@@ -50,6 +50,29 @@ def test_an_interval_of_shares_near_1_of_few_windows_is_rather_too_wide(mean, wi
     assert np.mean([one.low <= mean <= one.high for one in found if np.isfinite(one.low)]) >= 0.915
 
 
+@pytest.mark.parametrize("runs", RUNS)
+@pytest.mark.parametrize("case", range(10))
+def test_a_prediction_interval_holds_the_next_run_in_95_of_100_cases(case, runs):
+    rng = np.random.default_rng(case)
+    scale, population = list(populations(rng))[case]
+    drawn = [values for values in population((SIMULATED, runs + 1)) if np.ptp(values[:-1]) > 0]
+    found = [results.prediction(values[:-1], scale) for values in drawn]
+    assert (
+        0.93 <= np.mean([low <= values[-1] <= high for (low, high), values in zip(found, drawn, strict=True)]) <= 0.97
+    )
+    widths = [high - low for low, high in found]
+    mean = [results.estimate(values[:-1], scale) for values in drawn]
+    assert np.median(widths) > 1.5 * np.median([each.high - each.low for each in mean]), "wider than that of the mean"
+
+
+@pytest.mark.parametrize(("scale", "least", "most"), [("share", 0, 1), ("r2", -np.inf, 1), ("log", 0, np.inf)])
+def test_a_prediction_interval_stays_where_values_can_be(scale, least, most):
+    low, high = results.prediction([0.9, 0.99, 0.5], scale)
+    assert least <= low < 0.5 and 0.99 < high <= most
+    for values in ([0.5, 0.6], [0.5] * 5, [0.5, np.nan, 0.6], []):
+        assert np.isnan(results.prediction(values, scale)).all()
+
+
 def test_an_interval_of_skewed_runs_is_not_stretched_to_their_arithmetic_mean():
     values = [0.25, 0.27, 0.26, 0.28, 0.24, 0.26, 0.27, 0.25, 0.83, 0.70]
     found = results.estimate(values, results.LOG)

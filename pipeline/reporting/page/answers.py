@@ -32,7 +32,7 @@ from pipeline.scoring.results import LOG, SHARE, Estimate, estimate, scale_of
 
 CHART = "answers.png"  # in reports/
 MARKS = ("<!-- answers: written by `python -m pipeline.stages.page` -->", "<!-- end of answers -->")
-BEYOND = "beyond the paper"  # in place of a verdict, where a finding is about no claim
+BEYOND = "beyond the paper"  # in place of a verdict, where a finding is about no claim of the paper
 NOT_COMPUTED = "not computed yet"
 TOOLS = ("estimate", "printed", "ranked", "pooled", "failures", "side", "drifting")  # of _Scores, for the findings
 
@@ -278,4 +278,5 @@ def _finding(scores: _Scores, asked: Mapping[str, str], own: pd.DataFrame) -> Fi
         text = " ".join(environment.from_string(asked["text"]).render().split())
     except Absent:
         text = asked.get("absent") or f"{NOT_COMPUTED.capitalize()}: {own.loc[name, 'claim']}"
-    return Finding(text, own.loc[name, "verdict"] if name else BEYOND, name)
+    verdict = own.loc[name, "verdict"] if name else rules.BEYOND
+    return Finding(text, BEYOND if verdict == rules.BEYOND else verdict, name)

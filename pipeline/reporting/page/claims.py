@@ -13,7 +13,7 @@ from pipeline.reporting.words.labels import plain
 from pipeline.scoring.results import read_csv
 
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "verdict", "reason"]
-COLUMNS += ["unit", "measured", "protocol", "over", "seeds", "budget"]
+COLUMNS += ["unit", "measured", "protocol", "over", "seeds", "budget", "control", "control_value"]
 HEADER = ["Verdict", "Claim", "Published", "Ours [95 % interval]", "Why"]
 
 
@@ -21,7 +21,7 @@ def read(workspace: Workspace) -> pd.DataFrame:
     """Read claims.csv, recorded data first. Raises InputError for a paper or a verdict that nobody knows."""
     path, made_by = workspace.reports / "claims.csv", "python -m pipeline.stages.judge"
     claims = read_csv(path, COLUMNS, made_by)
-    for column in ("reason", "budget"):
+    for column in ("reason", "budget", "control"):
         claims[column] = claims[column].astype(object).where(claims[column].notna(), "")
     for column, known in (("paper", entries.papers(workspace)), ("verdict", SIGNS)):
         unknown = sorted(set(claims[column].astype(str)) - set(known))
@@ -49,7 +49,8 @@ def row_of(row, paper: entries.Paper) -> dict:
     text = claim.format(row.claim + (" *" if row.measured else ""), ", ".join(filter(None, place)))
     asked = {f"data-{key}": getattr(row, key) for key in ("paper", "verdict", "data", "kind")}
     attributes = {"id": f"claim-{anchor(row.id)}"} | asked
-    return {"verdict": row.verdict, "cells": [text, published, ours, row.reason], "attributes": attributes}
+    why = claim_text.short_row(row)[-1]
+    return {"verdict": row.verdict, "cells": [text, published, ours, why], "attributes": attributes}
 
 
 def section(workspace: Workspace, claims: pd.DataFrame) -> Markup:

@@ -16,12 +16,12 @@ from markupsafe import Markup, escape
 from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.claims.rules import BAD, CALIBRATED, GOOD, OUTSIDE, UNDECIDED
+from pipeline.claims.rules import BAD, BEYOND, CALIBRATED, GOOD, OUTSIDE, UNDECIDED
 
 FOLDER = paths.CODE / "reporting" / "page"
 # Verdict -> a class of page.css, and a sign for those who do not see colours.
 SIGNS = dict.fromkeys(GOOD, ("yes", "✓")) | dict.fromkeys(BAD, ("no", "✗")) | {UNDECIDED: ("unclear", "?")}
-SIGNS |= {OUTSIDE: ("open", "–"), CALIBRATED: ("open", "=")}
+SIGNS |= {OUTSIDE: ("open", "–"), CALIBRATED: ("open", "="), BEYOND: ("open", "+")}
 NUMBER = re.compile(r"(?:[<>] )?[-+]?[\d.]+\b|-$|failed$")
 
 

@@ -74,7 +74,7 @@ def speed_rows() -> pd.DataFrame:
 def write_claims(reports: Path, rows: list) -> None:
     columns = ["id", "claim", "paper", "data", "published", "ours", "low", "high", "verdict", "reason", "kind", "unit"]
     table = pd.DataFrame(rows, columns=columns).assign(
-        section="IV", measured=0, protocol="press", over="seeds", seeds=3
+        section="IV", measured=0, protocol="press", over="seeds", seeds=3, control="", control_value=np.nan
     )
     table.assign(budget="full").to_csv(reports / "claims.csv", index=False)
 
