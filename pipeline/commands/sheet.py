@@ -8,7 +8,7 @@ cannot tell a number, the sheet says why.
 Examples:
 
     tactile sheet data/own/finger
-    tactile sheet velostat_recorded --json
+    tactile sheet data/own/finger data/own/glove --json
 """
 
 import argparse
