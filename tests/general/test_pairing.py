@@ -120,7 +120,7 @@ def test_sizes():
     table = table.assign(variant=table["size"].map("hidden_{:g}".format), experiment="touch", protocol="press")
     costs = [table.assign(condition="any", metric=cost, value=1) for cost in ("params", "macs")]
     table = pd.concat([table.assign(condition="single", metric="rmse"), *costs]).assign(
-        model="lomp", unit="", budget=""
+        model="lomp", unit="", budget="", n=10
     )
     judged = sizes.judge(studies.ladders(one_table.Results(table).table, "touch")).set_index("size").loc[8.0]
     assert (judged["excess_low"], judged["excess_high"]) == pytest.approx(interval(ONE / OTHER - 1))
