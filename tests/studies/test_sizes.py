@@ -72,7 +72,7 @@ def test_a_ladder_is_compared_with_the_trained_model_on_its_own_seeds():
          for seed, value in enumerate(values)],
         columns=[*KEY, "unit", "seed", "budget", "value"],
     )  # fmt: skip
-    found = sizes_verdicts.references(Results(kept), ladder)
+    found = sizes_verdicts.references(Results(kept.assign(n=1)), ladder)
     assert found == {("lstm", "task_1"): Reference(constant=pytest.approx(30**0.5), trained=pytest.approx(2**0.5))}
 
 
@@ -159,8 +159,8 @@ def table(ladders: pd.DataFrame) -> pd.DataFrame:
     others = [rows.assign(metric="peak_error"), rows.assign(variant="lomp_half"), rows.assign(model="other")]
     others += [rows[rows["experiment"] == "touch"].assign(condition="slide")]
     others = pd.concat(others).drop_duplicates([*KEY, "seed"])
-    whole = pd.concat([rows, others[~others["metric"].isin(["params", "macs"])]]).assign(budget="")
-    return Results(whole[[*KEY, "seed", "budget", "unit", "value"]]).table
+    whole = pd.concat([rows, others[~others["metric"].isin(["params", "macs"])]]).assign(budget="", n=1)
+    return Results(whole[[*KEY, "seed", "budget", "unit", "value", "n"]]).table
 
 
 def test_ladders_are_read_from_the_variants_of_the_one_table():
