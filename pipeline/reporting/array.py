@@ -138,7 +138,10 @@ def ratio(report: Report, protocols: Sequence[str], variant: str, main: Sequence
     if one.empty or over.empty:
         return NOTHING
     good = np.isfinite(np.concatenate([*runs, *others]))
-    return rules.interval(one / over)._replace(runs=int(good.sum()), failed=int((~good).sum()))
+    drawn = rules.interval(one / over)
+    if drawn.low == drawn.high:  # the constant map, which sees nothing of what is changed
+        drawn = drawn._replace(low=np.nan, high=np.nan)
+    return drawn._replace(runs=int(good.sum()), failed=int((~good).sum()))
 
 
 def pooled_scores(report: Report, groups: Mapping[str, Sequence[str]], main: str, names: Iterable[str]) -> pd.DataFrame:
