@@ -176,6 +176,7 @@ def test_mlflow_store_is_complete_and_comes_back(miniature):
     networks = ("cnn", "rnn", "lomp")
     assert curve >= 2 * 3 * len(networks)  # two epochs, three runs
     shutil.rmtree(miniature.folder / "mlruns")
+    (miniature.folder / "mlflow.db").unlink()
     miniature.run("-m", "pipeline.stages.track")
     assert mlflow_runs(miniature) == EXPECTED_RUNS
 

@@ -91,12 +91,14 @@ def test_trusted_types_are_named_one_by_one():
                 assert all(isinstance(one, ast.Constant) for one in node.value.elts), path
 
 
-def test_analytics_are_off_and_the_documented_server_listens_on_loopback():
+def test_analytics_are_off_and_mlflows_pages_are_served_on_loopback():
     config = (ROOT / ".dvc" / "config").read_text()
     assert re.search(r"analytics\s*=\s*false", config)
-    servers = re.findall(r"mlflow (?:ui|server)[^`]*?(?=\n```)", (ROOT / "docs" / "runs.md").read_text())
-    assert servers and all("--host 127.0.0.1" in command for command in servers)
-    assert "MLFLOW_DISABLE_TELEMETRY" in (ROOT / "pipeline" / "inference" / "mlflow_store.py").read_text()
+    store, track = (ROOT / "pipeline" / name for name in ("inference/mlflow_store.py", "commands/track.py"))
+    assert "tactile track --serve" in (ROOT / "docs" / "runs.md").read_text()
+    assert re.search(r'^UI = "http://127\.0\.0\.1:\d+"', store.read_text(), re.MULTILINE)
+    assert re.search(r'"mlflow", "ui", .*"--host", host', track.read_text())
+    assert all("MLFLOW_DISABLE_TELEMETRY" in path.read_text() for path in (store, track))
 
 
 def test_settings_are_plain_data():
