@@ -13,6 +13,7 @@ Examples:
 
 import argparse
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -55,7 +56,11 @@ def answers(host: str, port: int) -> bool:
 
 
 def serve(workspace: Workspace, host: str, port: int, links: list[str]) -> None:
-    """Serve MLflow's pages on the default store until Ctrl-C; a browser, if there is one, opens the first link."""
+    """Serve MLflow's pages on the default store until Ctrl-C; a browser, if there is one, opens the first link.
+
+    A SIGTERM ends MLflow's processes, too.
+    """
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     command = [sys.executable, "-m", "mlflow", "ui", "--workers", "1", "--host", host, "--port", str(port)]
     command += ["--backend-store-uri", f"sqlite:///{workspace.mlflow_database}"]
     quiet = {"MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}

@@ -55,7 +55,7 @@ def contacts(workspace: Workspace, folder: Path, settings: Mapping, report: Repo
     files.write_table(folder / "persons.csv", by_person)
     draw(report, folder, main, headings)
     trained = {f"fold {name.rpartition('_')[2]}, {FOLDS[group]}": name for group, (name, *_) in groups.items()}
-    common_parts.learning_curves(report, folder / "learning_curves.png", trained, "(% contact)²")
+    common_parts.learning_curves(report, folder / "learning_curves.png", trained, "% contact squared")
     said = {
         "main": group_of(main), "several": several, "groups": groups, "conditions": conditions, "words": words,
         "absent": missing(report), "pool": pool, "by_person": person_table(by_person), "source": facts.source,
@@ -64,8 +64,8 @@ def contacts(workspace: Workspace, folder: Path, settings: Mapping, report: Repo
     scored = {protocol for protocol, _ in report.scored()}
     known = [protocol for protocol in report.protocols if protocol in scored]
     runs = product(known, conditions, report.models, UNITS)
-    panels = {words[name]: (main, name) for name in conditions[:2]}
-    note = f"Errors are those of {plain(main)} alone; `accuracy` has those of all persons."
+    panels = {f"{words[name]}, {plain(main)}": (main, name) for name in conditions[:2]}
+    note = f"Errors are those of {plain(main)}; `accuracy` has those of all persons."
     by_fold = report.scores(runs, UNITS).reindex(columns=BY_FOLD)
     return Parts(by_fold, panels, (MAIN, f"RMSE ({UNITS[MAIN]})"), said, note)
 
@@ -127,8 +127,12 @@ def pooled(
         value = rules.interval(draws)
     else:
         value = results.estimate([fold[np.isfinite(fold)].mean() for fold in runs], scale_of(metric))
-    value = value._replace(runs=len(every) - failed, failed=failed)
-    return value if value.low < value.high else value._replace(low=np.nan, high=np.nan)
+    return with_width(value._replace(runs=len(every) - failed, failed=failed))
+
+
+def with_width(value: Estimate) -> Estimate:
+    """Return an estimate, without its interval where only rounding gives that a width."""
+    return value if value.high - value.low > 1e-9 * abs(value.mean) else value._replace(low=np.nan, high=np.nan)
 
 
 def ratio(report: Report, protocols: Sequence[str], variant: str, main: Sequence[str], *place: str) -> Estimate:
@@ -138,10 +142,8 @@ def ratio(report: Report, protocols: Sequence[str], variant: str, main: Sequence
     if one.empty or over.empty:
         return NOTHING
     good = np.isfinite(np.concatenate([*runs, *others]))
-    drawn = rules.interval(one / over)
-    if drawn.low == drawn.high:  # the constant map, which sees nothing of what is changed
-        drawn = drawn._replace(low=np.nan, high=np.nan)
-    return drawn._replace(runs=int(good.sum()), failed=int((~good).sum()))
+    value = rules.interval(one / over)._replace(runs=int(good.sum()), failed=int((~good).sum()))
+    return with_width(value)  # the constant map sees nothing of what is changed
 
 
 def pooled_scores(report: Report, groups: Mapping[str, Sequence[str]], main: str, names: Iterable[str]) -> pd.DataFrame:

@@ -24,7 +24,7 @@ def of_experiment(table: pd.DataFrame) -> dict[Path, dict[str, float]]:
     for row in table.to_dict("records"):
         unit = re.search(r"\((\S+).*\)$", row["measure"])[1]  # `%` of `% contact`
         error = {unit: float(f"{row['error']:.{DIGITS}g}")} if math.isfinite(row["error"]) else {}
-        numbers[Path(row["panel"].replace(" ", "_"), f"{row['model']}.json")] = error
+        numbers[Path(re.sub(r"\W+", "_", row["panel"]), f"{row['model']}.json")] = error
     return numbers
 
 
