@@ -17,6 +17,7 @@ import numpy as np
 import pyarrow as pa
 import torch
 from torch import nn
+from torch.overrides import TorchFunctionMode
 
 from pipeline import experiments, models, tasks
 from pipeline.base import foreign, ranges
@@ -214,6 +215,22 @@ def size_of(model: object) -> int:
     return sum(each.numel() * each.element_size() for network in networks for each in network.state_dict().values())
 
 
+class _Undrawn(TorchFunctionMode):
+    """Leaves tensors as they are where they would be filled with normal numbers, for which torch imports its compiler.
+
+    That takes a second, also on the device `meta`, where tensors hold nothing.
+    """
+
+    def __torch_function__(self, function, types, arguments=(), named=None):
+        return arguments[0] if function is torch.Tensor.normal_ else function(*arguments, **(named or {}))
+
+
+def network_bytes(model: str, spec: Spec, settings: Mapping) -> int:
+    """Return the bytes that a model's network would have, without taking any; errors as `models.build`."""
+    with torch.device("meta"), _Undrawn():
+        return size_of(models.build(model, spec, settings, f"{cards.NAME}, settings"))
+
+
 def load(folder: str | Path) -> Predictor:
     """Return the saved model in a folder that `tactile export` made, ready to predict on the CPU.
 
@@ -224,8 +241,7 @@ def load(folder: str | Path) -> Predictor:
     card = cards.read(folder)
     spec = Spec(**card.shapes.model_dump())
     with foreign.reading(folder / cards.NAME, "a card whose settings fit its shapes", cards.AGAIN):
-        with torch.device("meta"):  # which has no memory: settings may ask for more than the weights have, and there is
-            size = size_of(models.build(card.model, spec, card.settings, f"{cards.NAME}, settings"))
+        size = network_bytes(card.model, spec, card.settings)  # may be more than the weights have, and than there is
         if size > cards.weights_file(folder).stat().st_size:
             raise ValueError(f"its network has {size} bytes, the file of weights less")
         built = models.build(card.model, spec, card.settings, f"{cards.NAME}, settings")

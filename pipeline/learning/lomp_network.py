@@ -56,11 +56,11 @@ def maker(
 
 def neighbour_matrix(rows: int, cols: int, neighbours: int) -> torch.Tensor:
     """Return eq. 3's sum as a matrix A (elements, elements): A[i, j] is 1 where j is one of the neighbours of i."""
-    index = torch.arange(rows * cols)
-    down = (index[:, None] // cols - index // cols).abs()
-    across = (index[:, None] % cols - index % cols).abs()
-    distance = down + across if neighbours == 4 else torch.maximum(down, across)
-    return (distance == 1).float()
+    index = np.arange(rows * cols)
+    down = np.abs(index[:, None] // cols - index // cols)
+    across = np.abs(index[:, None] % cols - index % cols)
+    distance = down + across if neighbours == 4 else np.maximum(down, across)
+    return torch.from_numpy((distance == 1).astype(np.float32))
 
 
 class Lomp(nn.Module):
@@ -98,7 +98,7 @@ class Lomp(nn.Module):
         self.readout = nn.ParameterList(_uniform(inputs, of, inputs, outputs) for inputs, outputs in pairs)
         self.readout_bias = nn.ParameterList(_uniform(inputs, of, 1, outputs) for inputs, outputs in pairs)
         with torch.no_grad():  # P near the identity lets states through from frame to frame before it is trained
-            self.update.mul_(SMALL).add_(torch.eye(hidden))
+            self.update.mul_(SMALL).diagonal(dim1=1, dim2=2).add_(1)
         for start_at_zero in (self.update_bias, self.readout[-1], self.readout_bias[-1]):
             nn.init.zeros_(start_at_zero)
         self.register_buffer("neighbours", neighbour_matrix(spec.rows, spec.cols, neighbours), persistent=False)

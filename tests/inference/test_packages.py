@@ -2,9 +2,12 @@
 
 import copy
 import json
+import os
 import random
 import resource
 import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,6 +17,7 @@ import numpy as np
 import onnx
 import pytest
 from builders import live_models
+from builders.project import ROOT
 
 from pipeline.base import cards as base_cards
 from pipeline.base.errors import InputError
@@ -380,3 +384,16 @@ def test_the_key_of_a_card_that_does_not_fit_is_named(packages, kind, way, value
     package.card.write_text(base_cards.sealed(json.dumps(card, indent=1), package.card.name))
     with pytest.raises(InputError, match=f"^{package.folder}/.*{words}.*again"):
         package.use(package.folder)
+
+
+def test_the_size_of_a_network_is_told_without_the_compiler_of_torch():
+    """`eye`, `randn` and divisions on the device `meta` take a second of imports; of all, lstm_highpass takes it."""
+    code = (
+        "import sys\nfrom builders.random_models import CASES\nfrom pipeline.inference import predictor\n"
+        "del CASES['lstm_highpass']\nfor key, case in CASES.items():\n"
+        "    predictor.network_bytes(key, case.spec, case.settings)\n"
+        "    assert 'torch._dynamo' not in sys.modules, key\n"
+    )
+    path = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
+    done = subprocess.run([sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": path}, capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()
