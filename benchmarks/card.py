@@ -18,8 +18,7 @@ import torch
 from pipeline import models
 from pipeline.base import params
 from pipeline.learning import updates
-from pipeline.learning.image_classifier import spec_of
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec, of_images
 
 EPOCHS = 3
 UPDATES = 24  # of an epoch
@@ -43,7 +42,7 @@ def model_and_data(name: str, count: int):
         block["training"].pop("rest_share")
         x = rng.integers(0, 255, (n, 1, 1024)).astype(np.float32)
         y = np.eye(26, dtype=np.float32)[rng.integers(0, 26, n)]
-        return models.build(name, spec_of(26), block, name), (x, y), (x[:64], y[:64]), batch
+        return models.build(name, of_images(26), block, name), (x, y), (x[:64], y[:64]), batch
     if name == "lomp_stream":
         block["training"].pop("rest_share")
     x = rng.uniform(0, 20, (n, 8, 25)).astype(np.float32)

@@ -21,9 +21,8 @@ from pipeline.inference import card as cards
 from pipeline.inference import onnx_export
 from pipeline.inference.onnx_network import NAME, READINGS, first_states, session
 from pipeline.inference.predictor import Predictor
-from pipeline.learning import image_classifier
-from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Scaling
+from pipeline.learning.spec import Spec, of_images
 from pipeline.tasks import windows
 
 NETWORKS = (
@@ -51,7 +50,7 @@ def drawn(values: Mapping, experiment: str, network: str) -> Predictor:
     """Return a network of params.yaml (`values`), not trained, with a card."""
     kind = {"touch": "windows", "strain": "series", "glove": "images"}[experiment]
     spec = {"touch": lambda: windows.spec(values["touch"]), "strain": lambda: STRAIN}.get(
-        experiment, lambda: image_classifier.spec_of(OBJECTS)
+        experiment, lambda: of_images(OBJECTS)
     )()
     block = values[experiment]["models"][network]
     model = models.build(network, spec, block, "benchmark")

@@ -264,12 +264,12 @@ def _images(count: float):
     import numpy as np
 
     from pipeline.base import params
-    from pipeline.learning.image_classifier import spec_of
+    from pipeline.learning.spec import of_images
 
     block = shortened(params.load(ROOT / "params.yaml")["glove"]["models"]["sp_resnet"], 1)
     rng = np.random.default_rng(0)
     x = rng.uniform(0, 255, (int(count), 1, 32 * 32)).astype(np.float32)
-    return block, x, np.eye(16, dtype=np.float32)[rng.integers(0, 16, int(count))], spec_of(16)
+    return block, x, np.eye(16, dtype=np.float32)[rng.integers(0, 16, int(count))], of_images(16)
 
 
 def lomp(side: int, epochs: int):
@@ -280,7 +280,7 @@ def lomp(side: int, epochs: int):
 def touch_network(model: str, side: int, epochs: int):
     """A network of the touch experiment on an array of side x side elements."""
     from benchmarks.made import touch_settings
-    from pipeline.learning.regressors import Spec
+    from pipeline.learning.spec import Spec
 
     block = shortened(touch_settings()["models"][model], epochs)
     return models.build(model, Spec(8, side, side, 4 * side, 4 * side), block, "benchmark")
@@ -289,7 +289,7 @@ def touch_network(model: str, side: int, epochs: int):
 def lstm(epochs: int):
     """The strain experiment's LSTM, directly trained."""
     from pipeline.base import params
-    from pipeline.learning.regressors import Spec
+    from pipeline.learning.spec import Spec
 
     block = shortened(params.load(ROOT / "params.yaml")["strain"]["models"]["lstm_direct"], epochs)
     return models.build("lstm_direct", Spec(10, 1, 6, 1, 2), block, "benchmark")

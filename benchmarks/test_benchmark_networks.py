@@ -14,8 +14,8 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
 from pipeline.datasets.windows import Dataset
 from pipeline.learning.lstm import LstmRegressor
-from pipeline.learning.regressors import Spec, TorchRegressor
-from pipeline.learning.series_regressors import spec_of as spec_of_series
+from pipeline.learning.regressors import TorchRegressor
+from pipeline.learning.spec import Spec, of_series
 from pipeline.learning.training import precision_on
 from pipeline.models import esn, lstm_transfer_ridge
 from pipeline.settings.training import SequenceTraining
@@ -156,7 +156,7 @@ def transfer():
     task = module.task("task_1", settings)
     pieces = series.read(paths.require(workspace.dataset("strain"), "dvc repro"), task, "task_1", 0)
     base = paths.require(workspace.run_folder("strain", paths.MODEL_ZERO, task.base, 0), "dvc repro")
-    return settings, spec_of_series(task, settings["window"]["frames"]), pieces, base
+    return settings, of_series(task, settings["window"]["frames"]), pieces, base
 
 
 def error_mm(model, pieces) -> float:

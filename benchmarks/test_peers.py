@@ -14,7 +14,7 @@ from benchmarks.test_benchmark_repro import FORBIDDEN
 from pipeline.experiments import touch
 from pipeline.learning import lomp_network
 from pipeline.learning.lstm import Lstm
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.logs import parse
 from pipeline.models import esn
 

@@ -324,7 +324,7 @@ def test_dvc_lock_has_no_stage_that_dvc_yaml_has_not(entries):
 
 def test_every_model_block_fits_its_build():
     from pipeline import models
-    from pipeline.learning.regressors import Spec
+    from pipeline.learning.spec import Spec
     from pipeline.tasks import windows
 
     blocks = [(experiment, VALUES[experiment]["models"]) for experiment in VALUES["experiments"]]

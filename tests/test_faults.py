@@ -37,7 +37,7 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, schemas, series
 from pipeline.datasets.windows import read_dataset
 from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.logs import parse
 from pipeline.scenes import strain as strain_scene
 from pipeline.scoring import results

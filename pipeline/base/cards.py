@@ -20,6 +20,13 @@ from pipeline.settings.shared import Block
 Of = TypeVar("Of", bound=BaseModel)  # its field `files` is of the type Files
 Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]  # SHA-256
 Files = dict[str, Digest]  # by name
+TARGET = "target.json"  # the card of a target of one's own
+SEEN = "trained on this recording: no test"
+VALIDATED = "this recording is of the validation part: no test"
+NO_TEST = (SEEN, VALIDATED)  # reasons why a recording with a truth is not scored
+UNKNOWN = (
+    "the model's card does not say which logs it was trained on; the scores of a log that was one of them are no test"
+)
 LARGEST = 64 << 20  # bytes; the card of an array of 256 x 256 elements has 7 million
 LONGEST = 1000  # characters of a text
 

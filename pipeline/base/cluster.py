@@ -40,11 +40,8 @@ def run(address: str, function: Callable, calls: Mapping[str, tuple]) -> Iterato
     None). Raises InputError without the scheduler or any worker, for a worker that does not see the project's folder or
     has other versions, and for a task whose process is killed, or over which worker after worker is lost.
     """
-    try:
-        from distributed import CancelledError, Client, KilledWorker, as_completed
-    except ModuleNotFoundError as error:
-        packages = "`pip install -c constraints.txt -e '.[cluster]'`"
-        raise InputError(f"WORKERS={address}: a Dask cluster needs {packages} first") from error
+    from distributed import CancelledError, Client, KilledWorker, as_completed
+
     try:
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:  # ValueError: no such port

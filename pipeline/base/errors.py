@@ -1,4 +1,4 @@
-"""Turn bad input, a disk that is full or locked, and a lack of memory into one sentence instead of a traceback."""
+"""Turn bad input, a full or locked disk, a lack of memory and an absent library into one sentence, not a traceback."""
 
 import errno
 import io
@@ -69,7 +69,9 @@ def run_stage(main: Callable[[], None], params: Path) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(PIPE_CLOSED)
     except Exception as error:
-        sentence = storage_error(error) or name_error(error)
+        from pipeline.base import extras  # here, for paths need this module
+
+        sentence = storage_error(error) or name_error(error) or extras.sentence(error)
         if sentence is None and (reason := memory_error(error)) is not None:
             sentence = f"{reason}; free memory or make the settings smaller, and run the command again"
         if sentence is None:

@@ -30,9 +30,9 @@ DEEPEST = 20  # blocks and lists inside each other; the settings have 8. The par
 def load(path: Path, sources: Mapping[str, str] | None = None) -> dict:
     """Return all settings as nested dictionaries, every key and value checked against pipeline/settings.
 
-    path: params.yaml, beside which the folder `params` lies. A stage calls it once, in its `main`, and hands the values
-    on: a file that changes while a stage runs must not reach a part of it. sources: as in `check`.
-    Raises InputError when the file is missing or not YAML, or a key is unknown, missing or of the wrong kind.
+    path: params.yaml, see `settings_files`. A stage calls it once, in its `main`, and hands the values on: a file that
+    changes while a stage runs must not reach a part of it. sources: as in `check`.
+    Raises InputError when a file is not YAML, or a key is unknown, missing or of the wrong kind.
     """
     values = read(path)
     check(values, sources)
@@ -42,12 +42,9 @@ def load(path: Path, sources: Mapping[str, str] | None = None) -> dict:
 def settings_files(path: Path) -> list[Path]:
     """Return the files of settings: params.yaml, which is `path`, and those in the folder `params` beside it.
 
-    Raises InputError where params.yaml is missing, or one of them is no file.
+    Where there is no params.yaml, those that came with the code. Raises InputError where one of them is no file.
     """
-    if not path.exists():
-        raise InputError(
-            f"{path.name}: not found; run the command from a checkout of the repository, or name one by --root"
-        )
+    path = path if path.exists() else paths.BROUGHT / "params.yaml"
     files = [path, *sorted((path.parent / "params").glob("*.yaml"))]
     for file in files:
         _check_file(file)

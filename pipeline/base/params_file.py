@@ -12,11 +12,15 @@ from pipeline.base.errors import InputError
 
 
 def copied(file: Path, folder: Path) -> Path:
-    """Copy a params.yaml and the params/ beside it to a folder, in place of its own, and return the copy."""
+    """Copy a params.yaml and the params/ beside it (params.settings_files) to a folder, in place of its own.
+
+    Return the copy of params.yaml.
+    """
+    found = params.settings_files(file)
     for former in (folder / "params").glob("*.yaml"):
         former.unlink()
-    for one in params.settings_files(file):
-        target = folder / one.relative_to(file.parent)
+    for one in found:
+        target = folder / one.relative_to(found[0].parent)
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(one, target)
     return folder / file.name
@@ -25,9 +29,12 @@ def copied(file: Path, folder: Path) -> Path:
 def set_values(values: dict, params_file: Path, source: str = "params.yaml") -> None:
     """Set the values of dotted keys (`touch.window.stride`) in params.yaml, or the file in params/ that has the block.
 
-    Raises InputError for an unknown key. One that a file lacks is set where it is optional. `source`: the file that the
-    values are from, which a sentence about an unknown key names; params.load names it for a wrong value.
+    Raises InputError for an unknown key, and where there is no params.yaml. A key that a file lacks is set where it is
+    optional. `source`: the file that the values are from, which a sentence about an unknown key names; params.load
+    names it for a wrong value.
     """
+    if not params_file.is_file():
+        raise InputError(f"{params_file}: not found; only a copy of the settings can be changed")
     editor = YAML()
     editor.width = 4096  # never wrap a line
     editor.representer.add_representer(float, _float)

@@ -7,23 +7,31 @@ from pathlib import Path
 from pipeline.base.errors import InputError
 
 CODE = Path(__file__).parents[1]
+INSTALLED = CODE / "brought"  # of an installed wheel: copies of what a checkout has beside the code
+BROUGHT = INSTALLED if INSTALLED.is_dir() else CODE.parent
 EXPERIMENTS = CODE / "experiments"  # one file per experiment
 MODELS = CODE / "models"  # one file per row of a table
+PACKAGE = "tactile-reproduction"  # as pip knows it
 MODEL_ZERO = "model_zero"  # beside an experiment's models: the networks that transfer starts from
 
 
 @dataclass(frozen=True)
 class Workspace:
-    """A folder with params.yaml, in which stages and commands read and write: a checkout, or one of an own sensor.
+    """A folder in which stages and commands read and write: a checkout, one of an own sensor, or any other.
 
     `root` as it was given: messages name files by it, and for the current folder that is `data/...`.
     """
 
     root: Path
 
+    def brought(self, name: str | Path) -> Path:
+        """Return a file or folder of this workspace, or, where it has none, the one that came with the code."""
+        own = self.root / name
+        return own if own.exists() else BROUGHT / name
+
     @property
     def params(self) -> Path:
-        """Return the file of settings."""
+        """Return the file of settings, which need not be there: params.settings_files then has those of the code."""
         return self.root / "params.yaml"
 
     @property
@@ -163,6 +171,8 @@ class Workspace:
 
 def require(path: Path, made_by: str) -> Path:
     """Return `path`; where it does not exist, raise InputError that names the command which makes it."""
+    if not path.exists() and made_by.startswith("git "):
+        raise InputError(f"{path}: not found; run `{made_by}` in a checkout of the repository")
     if not path.exists():
         raise InputError(f"{path}: not found; run `{made_by}` first (or `dvc repro` for everything)")
     return path

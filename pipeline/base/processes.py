@@ -71,3 +71,9 @@ def holding(lock: Path, when_busy: Callable[[], None]) -> Iterator[None]:
         except OSError:  # Windows, and some file systems of a network
             print(f"cannot lock {lock} here: start nothing else that writes to {lock.parent}", file=sys.stderr)
         yield
+
+
+def torch_on_one_thread() -> None:
+    """Have torch take one thread from now on, if it is loaded."""
+    if torch := sys.modules.get("torch"):
+        torch.set_num_threads(1)

@@ -3,6 +3,7 @@
 import json
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import metadata
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -32,6 +33,13 @@ def git_state(workspace: Workspace, of: Sequence[str] = (".", ":!dvc.lock", ":!r
             packed = pack.is_file() and json.loads(pack.read_text(encoding="utf-8"))["commit"]
         return (packed, "false") if packed else (UNKNOWN, UNKNOWN)
     return commit, "true" if changes else "false"
+
+
+def code() -> tuple[str, str]:
+    """Return the commit of this code and whether it was changed, as `git_state`; of an installed wheel its version."""
+    if paths.BROUGHT == paths.INSTALLED:
+        return f"version {metadata.version(paths.PACKAGE)}", "false"
+    return git_state(Workspace(paths.CODE.parent))
 
 
 def check_settings(workspace: Workspace, experiments: Iterable[str], params: dict) -> None:

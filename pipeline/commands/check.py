@@ -12,7 +12,6 @@ Examples:
 """
 
 import argparse
-import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -252,18 +251,17 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     folder = given.folder
     check_folder(folder)
     experiment = given.experiment or experiment_of(folder)
-    place = Path(os.path.abspath(folder))  # without ..
     values = own_settings.of_logs(workspace, experiment, folder)
     if asked := own_settings.asked(folder):
         first = check_target(experiment, folder, values[experiment], asked, summary.Shown())
     else:
         own_settings.say_left_out(values[experiment], experiment)
         first = check(workspace, experiment, folder, values)
-    first = first or own_data.unnoticed(workspace, place)
+    first = first or own_data.linked(folder)
     result = {"experiment": experiment, "folder": str(folder), "ready": first is None, "fix_first": first}
     arguments.answer(given, result)
     if first is not None:
         sys.exit(f"fix first: {first}")
-    place = own_data.setting(workspace, place)
-    print(f"ready: `tactile try {place}` for a quick look, `tactile own {place}` for all models")
-    print(f"what the sensor itself is worth, before any model: `tactile sheet {place}`")
+    words = own_data.argument(workspace, folder)
+    print(f"ready: `tactile try {words}` for a quick look, `tactile own {words}` for all models")
+    print(f"what the sensor itself is worth, before any model: `tactile sheet {words}`")

@@ -49,7 +49,6 @@ GROUPS = {  # heading of the help -> command -> its module
 }
 COMMANDS = {command: module for commands in GROUPS.values() for command, module in commands.items()}
 HELP = "help"
-PACKAGE = "tactile-reproduction"
 WIDTH, COLUMN = 100, 15  # characters of a line of the help, and before the words on a command
 
 
@@ -103,13 +102,14 @@ def _words(module: str) -> str:
 
 
 def version() -> str:
-    """Return the version of the package and the commit of the checkout."""
+    """Return the version of the package and, of a checkout, its commit."""
     from importlib import metadata  # here: it takes longer than all else of the help
 
     from pipeline.base import paths, provenance
 
-    commit, changed = provenance.git_state(paths.Workspace(paths.CODE.parent))
-    return f"tactile {metadata.version(PACKAGE)}, commit {commit}{' with changes' if changed == 'true' else ''}"
+    commit, changed = provenance.code()
+    of_checkout = f", commit {commit}{' with changes' if changed == 'true' else ''}"
+    return f"tactile {metadata.version(paths.PACKAGE)}{'' if paths.BROUGHT == paths.INSTALLED else of_checkout}"
 
 
 def main() -> None:

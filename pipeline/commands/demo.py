@@ -34,13 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict the sample, or replay it."""
-    model = str(paths.require(workspace.root / MODEL, BROUGHT))
-    sample = paths.require(workspace.root / SAMPLE / LOG, BROUGHT)
+    model = str(paths.require(workspace.brought(MODEL), BROUGHT))
+    sample = paths.require(workspace.brought(SAMPLE) / LOG, BROUGHT)
     if given.live:
         words = [model, "--replay", str(sample), "--loop", "--http-port", given.http_port]
         live.main(workspace, parsed(live, words))
         return
-    predict.main(workspace, parsed(predict, [model, str(workspace.root / SAMPLE), "--out", str(given.out)]))
+    predict.main(workspace, parsed(predict, [model, str(workspace.brought(SAMPLE)), "--out", str(given.out)]))
     print(f"picture: {given.out / 'double-two_touches.png'}; animation: {given.out / 'double-two_touches.gif'}")
     print("the same on the live page: `tactile demo --live`; on your own log: `tactile predict touch/lomp_stream LOG`")
 

@@ -17,7 +17,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from pipeline.base import files, params
+from pipeline.base import files, params, processes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 
@@ -31,12 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Export the model named on the command line."""
-    import torch
-
     from pipeline.inference import card as cards
     from pipeline.inference import packages
 
-    torch.set_num_threads(1)
     if given.folder.exists():
         raise InputError(f"{given.folder}: exists already and is never overwritten; give another name")
     values = params.load(workspace.params)
@@ -58,6 +55,7 @@ def _write_onnx(package: Path) -> None:
     """Write the network of a package as ONNX into it, and say how large the file is and how well it agrees."""
     from pipeline.inference import onnx_export, onnx_network, predictor
 
+    processes.torch_on_one_thread()
     difference = onnx_export.export(predictor.load(package), package)
     size = f"{onnx_network.NAME}: {(package / onnx_network.NAME).stat().st_size / 1e6:.2f} MB"
     print(f"{size}, differs from the model by up to {difference:.1g} of full scale")

@@ -18,7 +18,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from pipeline.base import params
+from pipeline.base import params, processes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import record
@@ -59,19 +59,21 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         raise InputError(f"--speed {given.speed:g}: must be more than 0; 2 is twice as fast")
     if given.replay:
         source.check_log(given.replay)
-    import torch  # after what needs it not, for it takes seconds
-
-    from pipeline.inference import intervals, onnx_export, packages, predictor
+    from pipeline.inference import intervals, packages, predictor
     from pipeline.live import outputs
     from pipeline.live.session import Session
 
     stop = record.Stop()
-    torch.set_num_threads(1)
     with tempfile.TemporaryDirectory() as draft:
         folder, comes_from = packages.locate(
             workspace, given.model, params.load(workspace.params), Path(draft, "package")
         )
-        model = onnx_export.faster(predictor.load(folder), Path(draft))
+        model = predictor.load(folder)
+        if model.as_trained:
+            from pipeline.inference import onnx_export  # here, because the import of torch takes a second
+
+            model = onnx_export.faster(model, Path(draft))
+    processes.torch_on_one_thread()
     card = model.card
     who = f"{card.experiment}/{card.model}"
     say(f"{who}: {comes_from}")

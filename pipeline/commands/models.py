@@ -27,16 +27,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     arguments.add_output(parser)
 
 
-def packages(workspace: Workspace) -> Iterator[Path]:
-    """Yield the folders with a card: of pretrained/, and of own sensors."""
-    for pattern in ("pretrained/*/*", f"{OWN.as_posix()}/*/trained/*"):
-        yield from (path.parent for path in sorted(workspace.root.glob(f"{pattern}/{cards.NAME}")))
+def packages(workspace: Workspace) -> Iterator[tuple[str, Path]]:
+    """Yield name and folder of every package: of pretrained/, and of own sensors."""
+    pretrained = workspace.brought("pretrained")
+    for around, pattern in ((pretrained, "*/*"), (workspace.root, f"{OWN.as_posix()}/*/trained/*")):
+        for card in sorted(around.glob(f"{pattern}/{cards.NAME}")):
+            yield card.parent.relative_to(around).as_posix(), card.parent
 
 
-def described(workspace: Workspace, folder: Path) -> dict:
+def described(name: str, folder: Path) -> dict:
     """Return what a package is called, takes, gives and scored; in place of that `problem`, where it cannot be read."""
-    place = folder.relative_to(workspace.root)
-    name = "/".join(place.parts[1:]) if place.parts[0] == "pretrained" else place.as_posix()
     try:
         card = cards.read(folder)
     except InputError as error:
@@ -63,7 +63,7 @@ def trained_here(workspace: Workspace, values: Mapping) -> list[str]:
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """List the models."""
-    listed = [described(workspace, folder) for folder in packages(workspace)]
+    listed = [described(name, folder) for name, folder in packages(workspace)]
     here = trained_here(workspace, params.load(workspace.params))
     width = max([len(said["model"]) for said in listed], default=0)
     for said in listed:

@@ -1,11 +1,11 @@
 """Train models on your own logs, apart from all else, and write what they score: reports/own/NAME.
 
-FOLDER lies in data/own, and NAME is its path in there; no sensor lies in the folder of another, and one process at a
-time trains on a sensor. Its logs say what they are of: array.log a pressure array, daq.log strain sensors, scanner.log
-a glove. FOLDER/settings.yaml, where there is one, sets what differs from params/, by dotted keys such as
+NAME is the path of FOLDER in data/own, or else in the folder of work; no sensor lies in the folder of another, and one
+process at a time trains on a sensor. Its logs say what they are of: array.log a pressure array, daq.log strain sensors,
+scanner.log a glove. FOLDER/settings.yaml, where there is one, sets what differs from params/, by dotted keys such as
 `touch.sensor.rows: 4`. The logs are checked first, as by `tactile check`. Nothing is simulated, and no file that git
-follows changes: what the stages write is in build/own/NAME, with every trained model in build/own/NAME/trained, for
-`tactile predict MODEL LOGS`. What is up to date is not trained again.
+follows changes: what is computed is in build/own/NAME, with every trained model in build/own/NAME/trained, for `tactile
+predict MODEL LOGS`. What is up to date is not trained again.
 
 Where settings.yaml has `target:` and `split:`, that target is tested instead, group by group, and its model is kept in
 build/own/NAME/trained/target: docs/own_sensor.md.
@@ -17,6 +17,7 @@ Examples:
 
 import argparse
 import os
+import shlex
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -107,16 +108,20 @@ def of_target(checkout: Workspace, experiment: str, folder: Path, asked: Asked, 
 
 
 def name_of(checkout: Workspace, folder: Path) -> str:
-    """Return the path of a sensor's folder below data/own, such as `finger` or `left/finger`.
+    """Return the path of a sensor's folder below data/own, or else below the workspace: `finger` or `left/finger`.
 
     Raises InputError for a folder elsewhere, and for one in, or around, the folder or the report of another sensor.
     """
     folder = Path(os.path.abspath(folder))  # without ..
-    if problem := own_data.unnoticed(checkout, folder):
+    if problem := own_data.linked(folder):
         raise InputError(f"fix first: {problem}")
-    _, _, *parts = Path(own_data.setting(checkout, folder)).parts
+    around = own_data.own_folder(checkout, folder) or Path(os.path.abspath(checkout.root))
+    if not folder.is_relative_to(around):
+        root = shlex.quote(str(folder.parent))
+        raise InputError(f"{folder}: lies outside of {around}; add `--root {root}`, or another folder around it")
+    parts = folder.relative_to(around).parts
     if not parts:
-        raise InputError(f"{folder}: holds the folders of sensors; move its logs into one, such as data/own/finger")
+        raise InputError(f"{folder}: holds the folders of sensors; move its logs into one, such as {folder / 'finger'}")
     outer = [around for around in list(folder.parents)[: len(parts) - 1] if check.kinds_of(around)]
     logs = [log for name in experiments.having("log").values() for log in files.finished(folder.rglob(name))]
     inner = sorted(log.parents[2] for log in logs if len(log.relative_to(folder).parts) > 3)

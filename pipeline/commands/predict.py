@@ -27,11 +27,11 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-from pipeline.base import arguments, files, params
+from pipeline.base import arguments, files, params, processes
+from pipeline.base import cards as base_cards
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.own.beside import Beside, as_trained
-from pipeline.targets import kept, read
 
 T = TypeVar("T")
 MOST_LINES = 10  # recordings that are printed
@@ -51,18 +51,16 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict the logs named on the command line."""
     if not given.logs.exists():  # before the libraries are loaded, which takes seconds
         raise InputError(f"{given.logs.absolute()}: not found; name a log, or a folder with logs in it or below")
-    if (Path(given.model) / kept.CARD).is_file():
+    if (Path(given.model) / base_cards.TARGET).is_file():
         return of_target(workspace, given)
-    import torch
-
     from pipeline.inference import intervals, packages, predictions, predictor, recordings
 
-    torch.set_num_threads(1)
     with tempfile.TemporaryDirectory() as draft:
         folder, comes_from = packages.locate(
             workspace, given.model, params.load(workspace.params), Path(draft, "package")
         )
         model = predictor.load(folder)
+    processes.torch_on_one_thread()
     card = model.card
     print(f"{card.experiment}/{card.model}: {comes_from}")
     place, logs, target = _asked(given, card.experiment, predictions.model_of(card))
@@ -99,6 +97,7 @@ def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict a target of one's own, which is a number or a class for every reading."""
     from pipeline.datasets import schemas
     from pipeline.inference import predictions
+    from pipeline.targets import kept, read  # the import of scikit-learn takes a second
 
     model = kept.load(Path(given.model))
     card = model.card
@@ -122,7 +121,7 @@ def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
 
     with files.replacing_folder(target) as draft:
         schemas.write(draft / predictions.TABLE, kept.schema(card), _each(logs, table, unread))
-        unknown = kept.UNKNOWN if card.logs is None else ""
+        unknown = base_cards.UNKNOWN if card.logs is None else ""
         predictions.write_summary(draft, who, place, [kept.interval(card)], summaries, unknown)
         notes = beside.said + [f"{said['recording']}: {words}" for said in summaries for words in said.get("notes", ())]
         print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
@@ -243,7 +242,7 @@ def sentence(said: Mapping, unit: str = "") -> str:
         if name.endswith("_mm")
     ]
     if reason := said.get("not_scored"):
-        parts.append(reason if reason in kept.NO_TEST else "not scored, for the reason below")
+        parts.append(reason if reason in base_cards.NO_TEST else "not scored, for the reason below")
     words = ", ".join([*parts, *_first_two(said.get("scores"))])
     if test := said.get("held_out_of"):
         words += f"; held out ({test})"

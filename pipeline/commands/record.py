@@ -225,18 +225,14 @@ class Port:
         every_s: float | None = None,
         after_s: float = BOOT_S,
     ):
-        """Open it. Raises InputError where pyserial is absent and where the port cannot be opened.
+        """Open it. Raises InputError where the port cannot be opened.
 
         start: bytes that the device gets `after_s` seconds after it was opened, and again every `every_s` seconds if
         that is said.
         """
-        try:
-            import serial
-            from serial.tools import list_ports
-        except ModuleNotFoundError as error:
-            raise InputError(
-                "pyserial is not installed; run `pip install -c constraints.txt -e '.[record]'`"
-            ) from error
+        import serial
+        from serial.tools import list_ports
+
         self.name, self.stop = name, stop
         self._start, self._every_s, self._due = start, every_s or float("inf"), float("inf")
 

@@ -98,7 +98,7 @@ def of_own(
             sheet.write(draft, "sheet", sheets)
     with files.replacing_folder(trained) as draft:
         (draft / MODEL).mkdir()
-        keep(draft / MODEL, checkout, experiment, folder, settings, data, made, effort)
+        keep(draft / MODEL, experiment, folder, settings, data, made, effort)
     for warning in made.tested.warnings:
         print(f"warning: {warning}")
     print(f"\n{target}/README.md: what the models score on groups that they have not seen")
@@ -106,14 +106,7 @@ def of_own(
 
 
 def keep(
-    target: Path,
-    checkout: Workspace,
-    experiment: str,
-    folder: Path,
-    settings: Mapping,
-    data: Data,
-    made: Section,
-    effort: Effort,
+    target: Path, experiment: str, folder: Path, settings: Mapping, data: Data, made: Section, effort: Effort
 ) -> None:
     """Fit the model that all groups choose, and write it to the folder `target`, which exists; folder: of the logs."""
     final = validate.final(made.windows, data.target.kind, effort.trees)
@@ -132,7 +125,7 @@ def keep(
         by=data.by,
         interval_s=kept.interval_s(data),
         correlation=kept.correlated(data, experiment),
-        commit=provenance.git_state(checkout)[0],
+        commit=provenance.code()[0],
         trained_on=kept.trained_on(data, experiment, settings),
         logs=kept.logs(folder, data, experiment, made.windows),
         tests=kept.tests(made.tested),

@@ -19,8 +19,9 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas, series
 from pipeline.inference import card as cards
 from pipeline.inference import intervals, touches
-from pipeline.learning.regressors import Spec, TorchRegressor
+from pipeline.learning.regressors import TorchRegressor
 from pipeline.learning.series_regressors import Windowed
+from pipeline.learning.spec import Spec
 from pipeline.learning.trained import Trained
 from pipeline.scoring import conformal, metrics
 from pipeline.tasks import series as tasks_series

@@ -30,7 +30,7 @@ class Part(BaseModel):
 
 
 class Shapes(Part):
-    """Shapes of a model's input and output, as learning.regressors.Spec."""
+    """Shapes of a model's input and output, as learning.spec.Spec."""
 
     frames: Size
     rows: Size

@@ -14,6 +14,7 @@ from pipeline import experiments, tasks
 from pipeline.base import cards, foreign, params, ranges
 from pipeline.base.errors import InputError
 from pipeline.datasets import images
+from pipeline.learning.spec import of_images
 from pipeline.settings.models import Models
 
 if TYPE_CHECKING:
@@ -101,9 +102,7 @@ def _shapes(card: "Card", module, columns: int) -> Iterator[Fact]:
         known, images_ = images.modalities(reading), images.modality(card.protocol)
         yield "protocol", images_ in known, f"it has to end in one of {', '.join('_' + each for each in known)}"
         yield "outputs.names", bool(names) and len(set(names)) == len(names), "a model of images has some, each once"
-        from pipeline.learning.image_classifier import spec_of  # here, because the import of torch takes seconds
-
-        spec = spec_of(len(names), images.shape(reading))
+        spec = of_images(len(names), images.shape(reading))
     for name, value in spec._asdict().items():
         yield f"shapes.{name}", getattr(shapes, name) == value, f"by reading and outputs it is {value}"
     size = shapes.frames * shapes.rows * shapes.cols

@@ -79,9 +79,9 @@ class Describer:
             task = experiments.module(experiment).task(protocol, settings)
             names, chosen = [f"{'xyz'[k]}_mm" for k in task.outputs], list(next(iter(task.channels.values())))
         else:
-            from pipeline.learning.image_classifier import spec_of
+            from pipeline.learning.spec import of_images
 
-            spec = spec_of(len(names), images.shape(settings))
+            spec = of_images(len(names), images.shape(settings))
         unit = experiments.facts(experiment).output_unit
         return cards.Card(
             experiment=experiment,

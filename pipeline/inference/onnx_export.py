@@ -19,10 +19,11 @@ from torch import nn
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import HIGHEST
 from pipeline.inference import card as cards
+from pipeline.inference import compiled_lomp
 from pipeline.inference.card import Card
 from pipeline.inference.onnx_network import CARD, NAME, READINGS, REPEATED, TENSORS, ZERO, OnnxNetwork, Tensor
 from pipeline.inference.onnx_regressions import Regression, is_regression
-from pipeline.inference.predictor import Predictor, onnx_is_faster
+from pipeline.inference.predictor import Predictor
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.lomp_network import Lomp, LompRegressor
 from pipeline.learning.lstm import LstmRegressor
@@ -90,14 +91,14 @@ def faster(model: Predictor, folder: Path) -> Predictor:
 
     The file is written into `folder`, which exists, and is not needed afterwards. Raises InputError as `export`.
     """
-    if model.onnx is not None or not onnx_is_faster(model.model):
+    if model.onnx is not None or model.card.model in compiled_lomp.MODELS:
         return model
     try:
         graph_of(model)
     except InputError:
         return model
     export(model, folder)
-    return Predictor(model.model, model.card, OnnxNetwork(folder / NAME))
+    return Predictor(OnnxNetwork(folder / NAME), model.card, lambda: model.model)
 
 
 def _name(model: Predictor) -> str:

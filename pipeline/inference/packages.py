@@ -5,13 +5,13 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
+from pipeline.base import cards as base_cards
 from pipeline.base import params, paths, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.inference import calibration, channels, training_logs
 from pipeline.inference import card as cards
+from pipeline.inference import channels, training_logs
 from pipeline.inference.describer import Describer
-from pipeline.targets import kept
 
 RUN_ID = re.compile("[0-9a-f]{32}")  # of MLflow
 
@@ -33,6 +33,8 @@ def make(
 
     Raises InputError where the run has not been trained and evaluated, or was trained with other settings.
     """
+    from pipeline.inference import calibration  # here, because the import of torch takes a second
+
     folder = paths.require(workspace.run_folder(experiment, model, protocol, seed), params.training_command(experiment))
     weights = cards.weights_file(folder)
     target.mkdir(parents=True)
@@ -47,7 +49,7 @@ def make(
 
 def of_run(workspace: Workspace, values: Mapping, experiment: str, model: str, protocol: str, seed: int) -> cards.Card:
     """Return the card of one run of params.yaml; errors as `make`."""
-    card = Describer(workspace, values, experiment).card(model, protocol, seed, provenance.git_state(workspace)[0])
+    card = Describer(workspace, values, experiment).card(model, protocol, seed, provenance.code()[0])
     provenance.check_settings(workspace, [experiment], values)
     return card.model_copy(update={"correlation": channels.trained(workspace, values[experiment], card)})
 
@@ -62,7 +64,7 @@ def locate(workspace: Workspace, name: str, values: Mapping, draft: Path, refit:
     """
     if Path(name, cards.NAME).is_file():
         return Path(name), "folder"
-    if Path(name, kept.CARD).is_file():
+    if Path(name, base_cards.TARGET).is_file():
         raise InputError(f"{name}: only `tactile predict MODEL LOGS` takes the model of a target of one's own")
     if RUN_ID.fullmatch(name):
         from pipeline.inference import mlflow_store  # here, because the import of MLflow takes a second
@@ -79,7 +81,7 @@ def locate(workspace: Workspace, name: str, values: Mapping, draft: Path, refit:
     experiment, model = words[:2]
     models = {
         *values[experiment]["models"],
-        *(path.name for path in (workspace.root / "pretrained" / experiment).glob("*")),
+        *(path.name for path in (workspace.brought("pretrained") / experiment).glob("*")),
     }
     if model not in models | {paths.MODEL_ZERO}:
         raise InputError(f"{name}: no such model; {params.hint(model, sorted(models))}")
@@ -87,14 +89,14 @@ def locate(workspace: Workspace, name: str, values: Mapping, draft: Path, refit:
     if workspace.run_folder(experiment, model, protocol, seed).is_dir():
         make(workspace, values, experiment, model, protocol, seed, draft, refit)
         return draft, f"trained here, {protocol}, seed {seed}"
-    pretrained = workspace.root / "pretrained"  # packages that come with the repository, <experiment>/<model>
+    pretrained = workspace.brought("pretrained")  # packages that come with the code, <experiment>/<model>
     shipped = pretrained / experiment / model
     if len(words) == 2 and shipped.is_dir():
         return shipped, "pretrained"
     have = sorted(path.parent.relative_to(pretrained).as_posix() for path in pretrained.glob(f"*/*/{cards.NAME}"))
     raise InputError(
-        f"{name}: not trained in this checkout; run `dvc repro`, or take one of the pretrained "
-        f"({', '.join(have) or 'none'})"
+        f"{name}: not trained in this folder; take one of the pretrained ({', '.join(have) or 'none'}), or run "
+        "`dvc repro` in a checkout"
     )
 
 

@@ -10,24 +10,20 @@ for reading in device:           # (25,)
 
 import copy
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import torch
-from torch import nn
-from torch.overrides import TorchFunctionMode
 
-from pipeline import experiments, models, tasks
+from pipeline import experiments
 from pipeline.base import foreign, ranges
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.inference import card as cards
-from pipeline.inference import intervals
+from pipeline.inference import compiled_lomp, intervals
 from pipeline.inference.onnx_network import NAME, OnnxNetwork
-from pipeline.learning.lomp_network import LompRegressor
-from pipeline.learning.regressors import Spec
 
 SOME_WINDOWS = 4096  # predicted at once: 4 MB of LoMP's windows
 CARRIED = ("state", "recent", "buffer")  # attributes in which models keep what their next `step` needs
@@ -39,12 +35,26 @@ class Predictor:
     that carries a state: started in mid-press, or at rest, it reports forces that are not there.
     """
 
-    def __init__(self, model, card: cards.Card, onnx: OnnxNetwork | None = None):
-        """onnx: the model's network in ONNX Runtime, which then takes its place; a whole series is faster in torch."""
-        self.model, self.card, self.onnx = model, card, onnx
+    def __init__(self, network, card: cards.Card, made: Callable[[], object] | None = None):
+        """network: what predicts; made: makes the model in torch or scikit-learn, where that is another."""
+        self.network, self.card, self._made = network, card, made
         self.output_shape = card.output_shape  # of one prediction
-        self._network = onnx or model
         self.reset()
+
+    @cached_property
+    def model(self):
+        """The model as it was trained."""
+        return self._made() if self._made else self.network
+
+    @property
+    def as_trained(self) -> bool:
+        """Whether the model as it was trained predicts, in torch or scikit-learn."""
+        return self._made is None
+
+    @property
+    def onnx(self) -> OnnxNetwork | None:
+        """The model's network in ONNX Runtime, if that predicts."""
+        return self.network if isinstance(self.network, OnnxNetwork) else None
 
     def reset(self, frame_step: int | None = None) -> None:
         """Forget what `step` has seen, and let `frame_step` readings lie between two frames (None: as the card says).
@@ -76,14 +86,27 @@ class Predictor:
         """
         x, frame_step = self._checked(readings), frame_step or self.card.inputs.frame_step
         if self.card.kind == "windows" and len(x):
-            predicted = self._streamed(x, frame_step) if self.model.streams else self._windowed(x, frame_step)
+            predicted = self._streamed(x, frame_step) if self.network.streams else self._windowed(x, frame_step)
         elif self.card.kind == "windows":
             predicted = np.empty((0, *self.output_shape))
         elif self.card.kind == "series":
-            predicted = self.model.predict(self._chosen(x)) if len(x) else np.empty((0, *self.output_shape))
+            predicted = self._of_series(x) if len(x) else np.empty((0, *self.output_shape))
         else:
             predicted = self._of_images(x)
         return predicted.reshape(len(x), *self.output_shape).astype(np.float32, copy=False)
+
+    @property
+    def streams(self) -> bool:
+        """Whether it is a model of windows that carries a state along."""
+        return self.card.kind == "windows" and self.network.streams
+
+    def of_windows(self, x: np.ndarray, previous: np.ndarray | None = None) -> np.ndarray:
+        """Return predictions (n, outputs) of a model of windows for windows x (n, frames, columns).
+
+        previous (n,): of a model that `streams`, index of the window that ends just before each window starts, or -1.
+        """
+        given = (x,) if previous is None else (x, previous)
+        return self.network.predict(*given).reshape(len(x), int(np.prod(self.output_shape)))
 
     def step(self, reading: np.ndarray, unmeasured: bool = False) -> np.ndarray:
         """Return the prediction for the next reading of one stream, output_shape float32; reading: (columns,).
@@ -95,10 +118,10 @@ class Predictor:
         phase, self._count = self._count % self._frame_step, self._count + 1
         if self.card.kind == "images":
             predicted = self._of_images(x)
-        elif self.card.kind == "series" or self.model.streams:
+        elif self.card.kind == "series" or self.network.streams:
             self._put(self._carried.get(phase, {}))
-            predicted = self._network.step(x if self.onnx else self._chosen(x))
-            self._carried[phase] = {name: getattr(self._network, name, None) for name in CARRIED}
+            predicted = self.network.step(x if self.onnx else self._chosen(x))
+            self._carried[phase] = {name: getattr(self.network, name, None) for name in CARRIED}
             if self._count <= self.card.reach(self._frame_step):
                 predicted = np.full(self.output_shape, np.nan)
         else:
@@ -106,7 +129,7 @@ class Predictor:
             if len(self._last) < self._last.maxlen:
                 return np.full(self.output_shape, np.nan, np.float32)
             window = np.stack(list(self._last)[:: self._frame_step])
-            predicted = self._network.predict(window[None])
+            predicted = self.network.predict(window[None])
         return np.asarray(predicted, np.float32).reshape(self.output_shape)
 
     def outside(
@@ -144,8 +167,8 @@ class Predictor:
     def _put(self, carried: Mapping) -> None:
         """Give the model what a stream has carried along so far; nothing for a new one."""
         for name in CARRIED:
-            if hasattr(self._network, name):
-                setattr(self._network, name, carried.get(name))
+            if hasattr(self.network, name):
+                setattr(self.network, name, carried.get(name))
 
     def _checked(self, readings: np.ndarray) -> np.ndarray:
         """Return readings as (n, columns) float32."""
@@ -162,6 +185,15 @@ class Predictor:
         """Return the columns that the model sees, in its order."""
         return x if self.card.inputs.chosen is None else x[:, self.card.inputs.chosen]
 
+    def _of_series(self, x: np.ndarray) -> np.ndarray:
+        """Return predictions (n, outputs) of one series from its first reading on."""
+        if not self.onnx:
+            return self.network.predict(self._chosen(x))
+        self._put({})
+        predicted = np.concatenate([self.network.step(reading[None]) for reading in x])
+        self._put({})
+        return predicted
+
     def _windowed(self, x: np.ndarray, frame_step: int) -> np.ndarray:
         """Return predictions (n, outputs) of the windows that end at each reading, NaN before the first whole one."""
         predicted = np.full((len(x), int(np.prod(self.output_shape))), np.nan, np.float32)
@@ -170,7 +202,7 @@ class Predictor:
         offsets = np.arange(-reach, 1, frame_step)
         for first in range(0, len(rows), SOME_WINDOWS):
             some = rows[first : first + SOME_WINDOWS]
-            predicted[some] = self._network.predict(x[some[:, None] + offsets]).reshape(len(some), -1)
+            predicted[some] = self.network.predict(x[some[:, None] + offsets]).reshape(len(some), -1)
         return predicted
 
     def _streamed(self, x: np.ndarray, frame_step: int) -> np.ndarray:
@@ -181,12 +213,12 @@ class Predictor:
         streams = min(frame_step, len(x))
         missing = -len(x) % streams
         padded = np.concatenate([x, np.repeat(x[-1:], missing, axis=0)]).reshape(-1, streams, x.shape[1])
-        self.model.state = None
+        self._put({})
         predicted = np.empty((*padded.shape[:2], int(np.prod(self.output_shape))), np.float32)  # filled at once
         for each, frames in zip(predicted, padded, strict=True):
-            each[:] = self.model.step(frames)
+            each[:] = self.network.step(frames).reshape(streams, -1)
         predicted = predicted.reshape(-1, predicted.shape[2])[: len(x)]
-        self.model.state = None
+        self._put({})
         predicted[: self.card.reach(frame_step)] = np.nan
         return predicted
 
@@ -201,57 +233,29 @@ class Predictor:
         parts = zip(names, np.split(x, edges, axis=1), strict=True)
         frames = pa.table({name: schemas.lists(part, pa.float32()) for name, part in parts})
         pictures = module.images(frames, self.card.reading)[images.modality(self.card.protocol)]
-        return self._network.predict(pictures.reshape(len(x), 1, -1).astype(np.float32))
-
-
-def onnx_is_faster(model: object) -> bool:
-    """Tell whether ONNX Runtime is faster for one reading: for all models but LoMP, whose own code is compiled."""
-    return not isinstance(model, LompRegressor)
-
-
-def size_of(model: object) -> int:
-    """Return the bytes that the tensors of a model's network have."""
-    networks = [value for value in vars(model).values() if isinstance(value, nn.Module)]
-    return sum(each.numel() * each.element_size() for network in networks for each in network.state_dict().values())
-
-
-class _Undrawn(TorchFunctionMode):
-    """Leaves tensors as they are where they would be filled with normal numbers, for which torch imports its compiler.
-
-    That takes a second, also on the device `meta`, where tensors hold nothing.
-    """
-
-    def __torch_function__(self, function, types, arguments=(), named=None):
-        return arguments[0] if function is torch.Tensor.normal_ else function(*arguments, **(named or {}))
-
-
-def network_bytes(model: str, spec: Spec, settings: Mapping) -> int:
-    """Return the bytes that a model's network would have, without taking any; errors as `models.build`."""
-    with torch.device("meta"), _Undrawn():
-        return size_of(models.build(model, spec, settings, f"{cards.NAME}, settings"))
+        return self.network.predict(pictures.reshape(len(x), 1, -1).astype(np.float32))
 
 
 def load(folder: str | Path) -> Predictor:
     """Return the saved model in a folder that `tactile export` made, ready to predict on the CPU.
 
-    Where model.onnx lies beside the weights, ONNX Runtime runs the network, but for LoMP, which is faster without.
+    LoMP runs in compiled code, a network with model.onnx beside its weights in ONNX Runtime, and others in torch.
     Raises InputError where the folder lacks its card or weights, or where these do not belong together.
     """
     folder = Path(folder)
     card = cards.read(folder)
-    spec = Spec(**card.shapes.model_dump())
-    with foreign.reading(folder / cards.NAME, "a card whose settings fit its shapes", cards.AGAIN):
-        size = network_bytes(card.model, spec, card.settings)  # may be more than the weights have, and than there is
-        if size > cards.weights_file(folder).stat().st_size:
-            raise ValueError(f"its network has {size} bytes, the file of weights less")
-        built = models.build(card.model, spec, card.settings, f"{cards.NAME}, settings")
-        model = tasks.of(card.experiment).adapted(built, spec)
-        if not hasattr(model, "step" if card.kind == "series" else "streams"):
-            raise ValueError(f"{card.model} is no model of {card.kind}")
-    model.load(folder)
+
+    def made():
+        from pipeline.inference import torch_model  # here, because the import of torch takes a second
+
+        return torch_model.load(folder, card)
+
+    if card.model in compiled_lomp.MODELS:
+        with foreign.reading(folder / cards.NAME, "a card whose settings fit its shapes", cards.AGAIN):
+            return Predictor(compiled_lomp.CompiledLomp(folder, card), card, made)
     path = folder / NAME
-    if not path.is_file() or not onnx_is_faster(model):
-        return Predictor(model, card)
+    if not path.is_file():
+        return Predictor(made(), card)
     onnx = OnnxNetwork(path)
     with foreign.reading(path, "a network with its card", cards.AGAIN):
         of_onnx = cards.Card.model_validate_json(onnx.card)
@@ -260,4 +264,4 @@ def load(folder: str | Path) -> Predictor:
     expected = ("n", *taken[card.kind]), ("n", *card.output_shape)
     if of_onnx != card.of_network() or (onnx.readings.shape, onnx.predictions.shape) != expected:
         raise InputError(f"{path}: is not of the model of {cards.NAME}; {cards.AGAIN}")
-    return Predictor(model, card, onnx)
+    return Predictor(onnx, card, made)

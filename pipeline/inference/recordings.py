@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline import experiments, tasks
+from pipeline.base import cards as base_cards
 from pipeline.base import correlation, files, processes
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
@@ -25,7 +26,6 @@ from pipeline.inference.predictor import Predictor
 from pipeline.logs import layout, packets, parse, sources, unmeasured
 from pipeline.logs.formats import second
 from pipeline.scoring import classification, metrics
-from pipeline.targets import kept
 
 OF_ONE_ELEMENT = ("load_cell.log",)  # which cannot tell a place
 SIMULATED = "simulated"  # as a source of logs
@@ -289,7 +289,7 @@ def scored(model: Predictor, recording: Recording) -> dict:
     parts = {part for log in known for part in log.parts}
     test = f"test part of `{card.protocol}`, seed {card.seed}"
     if parts - {TEST}:
-        said = {"scores": None, "not_scored": kept.SEEN if TRAIN in parts else kept.VALIDATED}
+        said = {"scores": None, "not_scored": base_cards.SEEN if TRAIN in parts else base_cards.VALIDATED}
         held_out = named(_of_test(card, known[0].name.partition("/")[0]), card)
         return said | ({"held_out": held_out, "held_out_of": test} if held_out else {})
     if not has_truth(recording, card):
@@ -303,8 +303,8 @@ def unknown(card: Card) -> str:
     if card.logs is not None:
         return ""
     if card.source == SIMULATED:
-        return f"{kept.UNKNOWN.replace('logs', 'simulated logs', 1)}; logs of a real sensor are none of them"
-    return kept.UNKNOWN
+        return f"{base_cards.UNKNOWN.replace('logs', 'simulated logs', 1)}; logs of a real sensor are none of them"
+    return base_cards.UNKNOWN
 
 
 def _of_test(card: Card, condition: str) -> list[metrics.Row]:
@@ -355,8 +355,8 @@ def _scores_of_windows(model: Predictor, module, task, frames: pa.Table, setting
     apart = {name: value for name, value in settings["window"].items() if name != "sliding"}
     windows = task.inputs(frames, {**settings, "window": apart})
     x = schemas.matrix(windows["x"]).astype(np.float32).reshape(windows.num_rows, model.card.shapes.frames, -1)
-    previous = (windows["previous"].to_numpy(),) if model.model.streams else ()
-    predicted, truth = model.model.predict(x, *previous), module.labels(windows, settings)
+    previous = windows["previous"].to_numpy() if model.streams else None
+    predicted, truth = model.of_windows(x, previous), module.labels(windows, settings)
     rows = task.score(module, truth, predicted, settings)
     if model.card.outputs.force_gain is not None:
         contact = metrics.in_contact(truth, settings)

@@ -13,7 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from pipeline.base import foreign
 from pipeline.learning import structure
-from pipeline.learning.regressors import Spec, Windows, check_windows
+from pipeline.learning.regressors import Windows, check_windows
+from pipeline.learning.spec import Spec
 from pipeline.learning.training import FitSummary, Progress, solved
 from pipeline.learning.weights import existing
 

@@ -9,9 +9,10 @@ from scipy.special import softmax
 from torch import nn
 
 from pipeline.base.errors import InputError
-from pipeline.datasets.images import HIGHEST, SIDE
+from pipeline.datasets.images import HIGHEST
 from pipeline.learning.faults import Readings, drawing
-from pipeline.learning.regressors import LARGEST_BATCH, Spec, TorchRegressor, Windows, batches
+from pipeline.learning.regressors import LARGEST_BATCH, TorchRegressor, Windows, batches
+from pipeline.learning.spec import Spec
 from pipeline.learning.training import Epoch, Progress, Schedule, device_of, run_epochs
 from pipeline.learning.updates import Update, adam, stream_on
 from pipeline.settings.training import AugmentedTraining
@@ -19,11 +20,6 @@ from pipeline.settings.training import AugmentedTraining
 LARGEST_SHIFT = 2.0  # pixels; a glove sits so differently on a hand: pads are 3 pixels wide
 LARGEST_TURN = 10.0  # degrees
 LARGEST_STRETCH = 0.1  # of the image's size
-
-
-def spec_of(classes: int, shape: tuple[int, int] = (SIDE, SIDE)) -> Spec:
-    """Return the shapes of images of `shape` pixels, windows of one frame, and of scores per class, maps of one row."""
-    return Spec(1, *shape, 1, classes)
 
 
 class ImageClassifier(TorchRegressor):

@@ -24,8 +24,9 @@ import torch
 from torch import nn
 from torch.autograd.function import once_differentiable
 
-from pipeline.base.errors import InputError
-from pipeline.learning.regressors import Spec, TorchRegressor
+from pipeline.learning import lomp_shape
+from pipeline.learning.regressors import TorchRegressor
+from pipeline.learning.spec import Spec
 
 if TYPE_CHECKING:
     from pipeline.learning.lomp_prediction import Prediction
@@ -42,25 +43,10 @@ def maker(
 
     `hidden`: numbers in h, h1, s and m; `readout`: widths of f's hidden layers; `neighbours`: 4 (sharing an edge) or 8
     (sharing a corner, too); `alpha`: weight of the messages (eq. 4); `one_readout`: whether all elements have one f.
-    Raises InputError for another number of neighbours, and for a map that does not divide into one block per element.
+    Errors as `lomp_shape.check`.
     """
-    if neighbours not in (4, 8):
-        raise InputError(f"lomp: neighbours must be 4 or 8, not {neighbours!r}")
-    if spec.map_rows % spec.rows or spec.map_cols % spec.cols:
-        raise InputError(
-            f"lomp: a map of {spec.map_rows}x{spec.map_cols} does not divide into equal blocks over "
-            f"{spec.rows}x{spec.cols} elements; make the map a multiple of the array"
-        )
+    lomp_shape.check(spec, neighbours)
     return lambda: Lomp(spec, hidden, readout, neighbours, alpha, one_readout)
-
-
-def neighbour_matrix(rows: int, cols: int, neighbours: int) -> torch.Tensor:
-    """Return eq. 3's sum as a matrix A (elements, elements): A[i, j] is 1 where j is one of the neighbours of i."""
-    index = np.arange(rows * cols)
-    down = np.abs(index[:, None] // cols - index // cols)
-    across = np.abs(index[:, None] % cols - index % cols)
-    distance = down + across if neighbours == 4 else np.maximum(down, across)
-    return torch.from_numpy((distance == 1).astype(np.float32))
 
 
 class Lomp(nn.Module):
@@ -101,7 +87,8 @@ class Lomp(nn.Module):
             self.update.mul_(SMALL).diagonal(dim1=1, dim2=2).add_(1)
         for start_at_zero in (self.update_bias, self.readout[-1], self.readout_bias[-1]):
             nn.init.zeros_(start_at_zero)
-        self.register_buffer("neighbours", neighbour_matrix(spec.rows, spec.cols, neighbours), persistent=False)
+        adjacent = torch.from_numpy(lomp_shape.neighbour_matrix(spec.rows, spec.cols, neighbours))
+        self.register_buffer("neighbours", adjacent, persistent=False)
         self.buffers: _Buffers | None = None
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
@@ -315,7 +302,8 @@ class LompRegressor(TorchRegressor):
         if self.prediction is None:
             from pipeline.learning.lomp_prediction import Prediction  # with it numba, which no training needs
 
-            self.prediction = Prediction(self.network)
+            weights = {name: tensor.numpy() for name, tensor in self.network.state_dict().items()}
+            self.prediction = Prediction(self.spec, weights, self.network.neighbours.numpy(), self.network.alpha)
         mean, spread = self.scaled.input_mean.numpy(), self.scaled.input_spread.numpy()
         state = None if state is None else np.asarray(state)[:, 0]
         image, state = self.prediction.run((frames - mean) / spread, state)

@@ -8,15 +8,13 @@ numba compiles the functions in the first prediction and keeps what it compiled 
 cache. Import this module where a row is predicted, not before: the import of numba takes a second.
 """
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numba
 import numpy as np
-import torch
 
-if TYPE_CHECKING:
-    from pipeline.learning.lomp_network import Lomp
+from pipeline.learning.spec import Spec
 
 LARGEST = 32767  # of int16
 ZERO, ONE, TWO = np.float32([0, 1, 2])  # a plain 0, 1 or 2 makes an expression float64
@@ -42,16 +40,15 @@ class Layer(NamedTuple):
     bias: np.ndarray
 
 
-def packed(weights: torch.Tensor, bias: torch.Tensor) -> Layer:
+def packed(exact: np.ndarray, bias: np.ndarray) -> Layer:
     """Return weights (elements, inputs, outputs) with their bias (elements, 1, outputs) as a Layer.
 
     An output with a weight that is not finite comes out as NaN or infinite.
     """
-    exact = weights.detach().numpy()
     scale = np.abs(exact).max(axis=1, keepdims=True) / np.float32(LARGEST)
     with np.errstate(invalid="ignore"):
         rounded = np.round(exact / np.where(scale == 0, ONE, scale)).astype(np.int16)
-    return Layer(rounded, scale[:, 0].copy(), bias.detach().numpy()[:, 0].copy())
+    return Layer(rounded, scale[:, 0].copy(), bias[:, 0].copy())
 
 
 def compiled(function: Callable) -> Callable:
@@ -166,28 +163,29 @@ def run(x, h, inputs, candidate_bias, state, message, update, readout, starts, n
 
 
 class Prediction:
-    """A trained network with packed weights, for one row at a time; later changes of `network` are not seen."""
+    """A trained network with packed weights, for one row at a time."""
 
-    def __init__(self, network: "Lomp"):
-        def array(tensor: torch.Tensor) -> np.ndarray:
-            return tensor.detach().numpy()[:, 0].copy()
-
-        self.spec, self.block = network.spec, network.block
-        gate_bias = network.gate_input_bias + network.gate_state_bias
-        adjacent = network.neighbours.numpy() > 0
+    def __init__(self, spec: Spec, weights: Mapping[str, np.ndarray], adjacent: np.ndarray, alpha: float):
+        """weights: by their names in `lomp_shape.shapes`; adjacent: as of `lomp_shape.neighbour_matrix`."""
+        cells = len(adjacent)
+        self.spec = spec
+        self.block = (spec.map_rows // spec.rows, spec.map_cols // spec.cols)
+        layers = range(sum(name.startswith("readout.") for name in weights))
+        of_all = [[weights[f"{name}.{k}"] for name in ("readout", "readout_bias")] for k in layers]
+        gate_bias = weights["gate_input_bias"] + weights["gate_state_bias"]
         self.arguments = (
-            array(torch.cat([network.gate_input, network.candidate_input], 2)),
-            array(network.candidate_input_bias),
+            np.concatenate([weights["gate_input"], weights["candidate_input"]], axis=2)[:, 0].copy(),
+            weights["candidate_input_bias"][:, 0].copy(),
             packed(
-                torch.cat([network.gate_state, network.candidate_state], 2),
-                torch.cat([gate_bias, network.candidate_state_bias], 2),
+                np.concatenate([weights["gate_state"], weights["candidate_state"]], axis=2),
+                np.concatenate([gate_bias, weights["candidate_state_bias"]], axis=2),
             ),
-            packed(network.message[None], network.message_bias[None, None]),
-            packed(network.update, network.update_bias),
-            tuple(packed(weight, bias) for weight, bias in network.readouts()),
-            np.concatenate([[0], np.cumsum(adjacent.sum(1))]),
-            np.flatnonzero(adjacent) % len(adjacent),
-            np.float32(network.alpha),
+            packed(weights["message"][None], weights["message_bias"][None, None]),
+            packed(weights["update"], weights["update_bias"]),
+            tuple(packed(*(np.broadcast_to(part, (cells, *part.shape[1:])) for part in layer)) for layer in of_all),
+            np.concatenate([[0], np.cumsum((adjacent > 0).sum(1))]),
+            np.flatnonzero(adjacent > 0) % cells,
+            np.float32(alpha),
         )
 
     def run(self, x: np.ndarray, h: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeRegressor
 
 from pipeline.learning.estimators import SklearnRegressor, tree_numbers
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 
 
 def owners(spec: Spec) -> tuple[int, ...]:

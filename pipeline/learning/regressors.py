@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -11,6 +10,7 @@ from torch import nn
 from pipeline.base.errors import InputError
 from pipeline.datasets.levels import Levels
 from pipeline.learning import cost, faults, weights
+from pipeline.learning.spec import Spec
 from pipeline.learning.training import (
     BETAS,
     Epoch,
@@ -28,26 +28,6 @@ from pipeline.settings.training import ScheduledTraining
 
 SMALLEST_SPREAD = 1.0  # ADC counts: below one count an element's spread is rounding, not signal
 LARGEST_BATCH = 128  # windows per prediction step: keeps the temporaries of every network in cache
-
-
-class Spec(NamedTuple):
-    """Shapes of a task: frames per window, rows x cols sensor elements, map_rows x map_cols pressure map."""
-
-    frames: int
-    rows: int
-    cols: int
-    map_rows: int
-    map_cols: int
-
-    @property
-    def elements(self) -> int:
-        """Number of sensor elements in a frame."""
-        return self.rows * self.cols
-
-    @property
-    def outputs(self) -> int:
-        """Number of values in a pressure map."""
-        return self.map_rows * self.map_cols
 
 
 Windows = tuple[np.ndarray, np.ndarray]  # x (n, frames, elements) in ADC counts, y (n, outputs) in kPa

@@ -15,10 +15,11 @@ from torch import nn
 from pipeline.base import foreign
 from pipeline.base.errors import InputError
 from pipeline.datasets.levels import Levels
-from pipeline.datasets.series import Record, Task
+from pipeline.datasets.series import Record
 from pipeline.learning import weights
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import Spec, TorchRegressor
+from pipeline.learning.regressors import TorchRegressor
+from pipeline.learning.spec import Spec
 from pipeline.learning.training import FitSummary, Progress, solved
 
 MILLIVOLT = 1e3  # window models see mV: the smallest spread that regressors.py scales by is 1
@@ -240,11 +241,6 @@ class Windowed:
     def macs(self) -> int | None:
         """Return the multiply-accumulates for one sample: the window model's for a whole window."""
         return self.inner.macs()
-
-
-def spec_of(task: Task, frames: int) -> Spec:
-    """Return a task's shapes, one row of channels and one row of outputs; `frames`: samples per window."""
-    return Spec(frames, 1, len(next(iter(task.channels.values()))), 1, len(task.outputs))
 
 
 def adapted(model, spec: Spec):

@@ -12,9 +12,7 @@ from safetensors.torch import load_file, save_file
 from torch import nn
 
 from pipeline.base import foreign
-from pipeline.base.errors import InputError
-
-NETWORK_FILE = "network.safetensors"
+from pipeline.base.tensors import NETWORK_FILE, existing, other_settings
 
 
 def grouped(group: str, tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
@@ -50,19 +48,6 @@ def load(module: nn.Module, tensors: Mapping[str, torch.Tensor], folder: Path) -
     if _shapes(tensors) != _shapes(module.state_dict()):
         raise other_settings(folder)
     module.load_state_dict(tensors)
-
-
-def other_settings(folder: Path) -> InputError:
-    """Return the error for a file in `folder` whose tensors do not fit the model that loads them."""
-    path = Path(folder) / NETWORK_FILE
-    return InputError(f"{path}: was saved by a model with other settings; train the model again")
-
-
-def existing(path: Path) -> Path:
-    """Return the path of a trained model's file; InputError where there is no such file."""
-    if not path.exists():
-        raise InputError(f"{path}: not found; train the model first")
-    return path
 
 
 def _shapes(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Size]:

@@ -1,4 +1,4 @@
-"""Find out whether DVC would notice when your own files change: in data/own, and behind no link to a folder, it does.
+"""Find out whether files of one's own are followed: those in data/own by DVC, those behind no link to a folder by all.
 
 DVC 3.67 follows a link to a file, and data/own itself where it is a link or a mounted disk. It skips links to folders:
 results would go stale without a word. tests/logs/test_own_data.py holds DVC to this.
@@ -16,7 +16,7 @@ from pipeline.base.paths import Workspace
 def unnoticed(workspace: Workspace, path: Path) -> str | None:
     """Say why DVC would not notice a change of `path`, a folder or a file, and what to do; None where it would."""
     path = path.absolute()
-    own = _own(workspace, path)
+    own = own_folder(workspace, path)
     if own is None:
         target = path.resolve()
         return (
@@ -25,17 +25,23 @@ def unnoticed(workspace: Workspace, path: Path) -> str | None:
         )
     way = (path, *path.parents)
     links = [folder for folder in way[: way.index(own)] if folder.is_symlink() and folder.is_dir()]
-    for parent, folders, files in os.walk(path):
+    return _not_followed(links[0]) if links else linked(path)
+
+
+def linked(folder: Path) -> str | None:
+    """Return a sentence on a link in a folder that leads to nothing, or to another folder; None where none does."""
+    links = []
+    for parent, folders, names in os.walk(folder):
         links += [Path(parent, name) for name in sorted(folders) if Path(parent, name).is_symlink()]
-        if lost := [Path(parent, name) for name in sorted(files) if not Path(parent, name).exists()]:
-            return f"{lost[0]} is a link that leads to nothing, where `dvc repro` stops; fix or remove it"
-    if not links:
-        return None
-    link = links[0]
+        if lost := [Path(parent, name) for name in sorted(names) if not Path(parent, name).exists()]:
+            return f"{lost[0]} is a link that leads to nothing; fix or remove it"
+    return _not_followed(links[0]) if links else None
+
+
+def _not_followed(link: Path) -> str:
     return (
-        f"{link} is a link to a folder, in which `dvc repro` would not notice a change; put the folder in its place, "
-        "or, which takes no space, links to its files: "
-        f"`rm {shlex.quote(str(link))} && {_linking(link.resolve(), link)}`"
+        f"{link} is a link to a folder, which is not followed; put the folder in its place, or, which takes no space, "
+        f"links to its files: `rm {shlex.quote(str(link))} && {_linking(link.resolve(), link)}`"
     )
 
 
@@ -59,13 +65,18 @@ def copied(recordings: Iterable[Path], log: str) -> str | None:
     )
 
 
-def setting(workspace: Workspace, path: Path) -> str:
-    """Return the name that params.yaml has for a folder or file in data/own: `data/own/...`."""
-    path = path.absolute()
-    return Path("data", "own", path.relative_to(_own(workspace, path))).as_posix()
+def argument(workspace: Workspace, folder: Path) -> str:
+    """Return what `tactile try` and `own` take for a folder of logs, when they are called in the workspace."""
+    path = Path(os.path.abspath(folder))  # without ..
+    if own := own_folder(workspace, path):
+        return Path("data", "own", path.relative_to(own)).as_posix()
+    root = Path(os.path.abspath(workspace.root))
+    if path.is_relative_to(root) and path != root:
+        return path.relative_to(root).as_posix()
+    return f"{shlex.quote(str(path))} --root {shlex.quote(str(path.parent))}"
 
 
-def _own(workspace: Workspace, path: Path) -> Path | None:
+def own_folder(workspace: Workspace, path: Path) -> Path | None:
     """Return `path` (absolute) or the folder above it that is data/own; None without one, or with `..` in between."""
     own = workspace.root / "data" / "own"
     for folder in (path, *path.parents):

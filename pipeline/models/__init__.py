@@ -6,7 +6,7 @@ What a model's file provides
 limits and a description (pipeline/settings; the class is made without running the rest of the file, of what
 pipeline/settings/models.py names). `build(spec, *, <the same names>)` returns the model, not yet trained.
 
-* `spec` (pipeline.learning.regressors.Spec) gives the shapes of the task. Images are windows of one frame, and a series
+* `spec` (pipeline.learning.spec.Spec) gives the shapes of the task. Images are windows of one frame, and a series
   is one row of channels; `spec.frames` is then how many samples a model of windows sees.
 * Every setting is keyword-only and has no default.
 * `build` raises InputError for settings that do not fit each other or `spec`. It neither reads files nor needs data.

@@ -3,7 +3,8 @@
 from pydantic import Field
 from torch import nn
 
-from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
+from pipeline.learning.regressors import TorchRegressor, zero_linear
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block, Listed, Width
 from pipeline.settings.training import WindowTraining
 

@@ -3,7 +3,7 @@
 from sklearn.dummy import DummyRegressor
 
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block
 
 

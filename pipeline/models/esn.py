@@ -5,8 +5,8 @@ from pydantic import Field
 from scipy import sparse
 
 from pipeline.datasets.seeding import generator
-from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import StateReadout
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block, NotNegative, Positive, Share, Width
 
 LINKS = 10  # connections per unit: makes a step cost units x 10 instead of units squared

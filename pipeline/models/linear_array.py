@@ -5,7 +5,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block
 
 

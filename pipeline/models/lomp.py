@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from pipeline.learning.lomp_network import LompRegressor, maker
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block, Listed, Number, Width
 from pipeline.settings.training import WindowTraining
 

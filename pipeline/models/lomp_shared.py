@@ -11,7 +11,7 @@ from typing import Literal
 from pydantic import Field
 
 from pipeline.learning.lomp_network import maker
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.models.lomp import WindowLomp
 from pipeline.settings.shared import Block, Listed, Number, Width
 from pipeline.settings.training import WindowTraining

@@ -28,13 +28,14 @@ from torch import nn
 
 from pipeline.learning import cost
 from pipeline.learning.lomp_network import LompRegressor, maker
-from pipeline.learning.regressors import LARGEST_BATCH, Spec, batches
+from pipeline.learning.lomp_shape import LARGEST_STATE
+from pipeline.learning.regressors import LARGEST_BATCH, batches
+from pipeline.learning.spec import Spec
 from pipeline.learning.training import products_in
 from pipeline.settings.shared import Block, Listed, Number, Width
 from pipeline.settings.training import ScheduledTraining
 
 QUIET = 0.3  # share of U's first weights that is left
-LARGEST_STATE = 10.0  # states of trained networks reach 7 to 9 on validation windows
 
 
 class Settings(Block):

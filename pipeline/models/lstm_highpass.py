@@ -27,8 +27,8 @@ from pipeline.datasets.levels import Levels
 from pipeline.datasets.series import Record
 from pipeline.learning import cost, weights
 from pipeline.learning.faults import drawing
-from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Scaling
+from pipeline.learning.spec import Spec
 from pipeline.learning.training import Epoch, FitSummary, Progress, device_of, new_network, run_epochs
 from pipeline.settings.shared import Block, Width
 from pipeline.settings.training import StretchTraining

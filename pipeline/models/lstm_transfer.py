@@ -5,7 +5,7 @@ from pydantic import Field
 
 from pipeline.datasets.series import Record
 from pipeline.learning.lstm import LstmRegressor
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block
 from pipeline.settings.training import SequenceTraining
 

@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from pipeline.learning.lstm import LstmRegressor
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block, NotNegative
 
 TRANSFER = True

@@ -5,7 +5,7 @@ from pydantic import Field
 from sklearn.naive_bayes import GaussianNB
 
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block, Positive
 
 

@@ -4,7 +4,7 @@ from pydantic import Field
 
 from pipeline.learning import per_element
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block, NotNegative
 
 

@@ -15,8 +15,8 @@ from sklearn.pipeline import make_pipeline
 from pipeline.base.errors import InputError
 from pipeline.datasets.series import Record
 from pipeline.learning.estimators import SklearnRegressor, tree_numbers
-from pipeline.learning.regressors import Spec
 from pipeline.learning.series_regressors import Windowed
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block
 
 REST = (2, 3)  # samples before the first one after the step

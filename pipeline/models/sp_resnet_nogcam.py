@@ -4,8 +4,8 @@ from pydantic import Field
 from torch import nn
 
 from pipeline.learning.image_classifier import ImageClassifier
-from pipeline.learning.regressors import Spec
 from pipeline.learning.residual_blocks import separable_network
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block
 from pipeline.settings.training import AugmentedTraining
 

@@ -4,7 +4,7 @@ from pydantic import Field
 from sklearn.tree import DecisionTreeRegressor
 
 from pipeline.learning.estimators import SklearnRegressor, tree_numbers
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block, Share
 
 

@@ -5,8 +5,9 @@ from pydantic import Field
 from torch import nn
 
 from pipeline.base.errors import InputError
-from pipeline.learning.regressors import Spec, TorchRegressor, zero_linear
+from pipeline.learning.regressors import TorchRegressor, zero_linear
 from pipeline.learning.residual_blocks import Convolution3x3
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block, Listed, Width
 from pipeline.settings.training import WindowTraining
 

@@ -5,7 +5,7 @@ from sklearn.ensemble import ExtraTreesRegressor
 from sklearn.pipeline import make_pipeline
 
 from pipeline.learning.estimators import SklearnRegressor, tree_numbers
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.learning.window_statistics import Statistics
 from pipeline.settings.shared import Block
 

@@ -27,7 +27,7 @@ from pipeline.targets.features import Windows
 from pipeline.targets.read import Data, Readings
 from pipeline.targets.validate import Final, Tested
 
-CARD, WEIGHTS = "target.json", "estimator.skops"
+CARD, WEIGHTS = cards.TARGET, "estimator.skops"
 AGAIN = "train it again with `tactile own FOLDER`"
 TRUSTED = ("sklearn.tree._tree.Tree",)  # learning/structure.py checks its nodes
 LONGEST_S = 3600.0  # of a window
@@ -35,12 +35,6 @@ MOST_ELEMENTS = 1 << 20
 READ = ("sensor", "ingest")  # blocks of settings that say how a log is read
 SAME_RATE = 1.1  # ratio of times from reading to reading, as inference.timing.TOLERANCE
 SOME_VALUES = 1 << 22  # of statistics at once, 16 MB
-SEEN = "trained on this recording: no test"
-VALIDATED = "this recording is of the validation part: no test"
-NO_TEST = (SEEN, VALIDATED)  # reasons why a recording with a truth is not scored
-UNKNOWN = (
-    "the model's card does not say which logs it was trained on; the scores of a log that was one of them are no test"
-)
 
 
 class Log(BaseModel):
@@ -357,7 +351,7 @@ def scored(path: Path, log: Readings, said: Predicted, card: Card) -> dict:
         for metric in metrics_
     }
     test = f"test of {known[0]}" if len(held_out) == 1 else f"{len(held_out)} tests that it is in"
-    found = {"scores": None, "not_scored": SEEN}
+    found = {"scores": None, "not_scored": cards.SEEN}
     return found | ({"held_out": means, "held_out_of": test} if means else {})
 
 

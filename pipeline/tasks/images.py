@@ -12,6 +12,7 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, levels, schemas
+from pipeline.learning.spec import of_images
 from pipeline.learning.trained import Fitted, Tested, fitted
 from pipeline.scoring import classification, metrics
 
@@ -38,10 +39,8 @@ def labelled(table: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa
 
 
 def spec(data: images.Images):
-    """Return the shapes of the task (learning.regressors.Spec): one image, one score per object."""
-    from pipeline.learning.image_classifier import spec_of
-
-    return spec_of(len(data.objects), data.shape)
+    """Return the shapes of the task (learning.spec.Spec): one image, one score per object."""
+    return of_images(len(data.objects), data.shape)
 
 
 def base(experiment: str, settings: Mapping, protocol: str) -> None:

@@ -12,6 +12,7 @@ from pipeline.base import paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import levels, schemas, series
+from pipeline.learning.spec import of_series
 from pipeline.learning.trained import Fitted, Tested, fitted
 from pipeline.scoring import metrics
 
@@ -37,10 +38,8 @@ def labelled(table: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa
 
 
 def spec(experiment: str, settings: Mapping, protocol: str):
-    """Return the shapes of a protocol's task (learning.regressors.Spec)."""
-    from pipeline.learning.series_regressors import spec_of
-
-    return spec_of(experiments.module(experiment).task(protocol, settings), settings["window"]["frames"])
+    """Return the shapes of a protocol's task (learning.spec.Spec)."""
+    return of_series(experiments.module(experiment).task(protocol, settings), settings["window"]["frames"])
 
 
 def base(experiment: str, settings: Mapping, protocol: str) -> str:

@@ -14,6 +14,7 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import levels, schemas
 from pipeline.datasets.windowing import windows_of
 from pipeline.datasets.windows import Dataset, read_dataset
+from pipeline.learning.spec import Spec
 from pipeline.learning.trained import Fitted, Tested, fitted
 from pipeline.scoring import metrics
 
@@ -49,9 +50,7 @@ def labelled(table: pa.Table, module: ModuleType, settings: Mapping) -> tuple[pa
 
 
 def spec(settings: Mapping):
-    """Return the shapes of an experiment's task (learning.regressors.Spec); settings: its block of settings."""
-    from pipeline.learning.regressors import Spec
-
+    """Return the shapes of an experiment's task (learning.spec.Spec); settings: its block of settings."""
     sensor, label = settings["sensor"], settings["label"]
     return Spec(settings["window"]["frames"], sensor["rows"], sensor["cols"], label["map_rows"], label["map_cols"])
 

@@ -100,6 +100,18 @@ def test_a_value_is_set_in_the_file_of_its_experiment(tmp_path):
         set_values({"strian.window": 1}, path)
 
 
+def test_a_folder_without_settings_has_those_of_the_code_and_cannot_change_them(tmp_path):
+    of_code, absent = ROOT / "params.yaml", tmp_path / "params.yaml"
+    assert params.load(absent) == params.load(of_code)
+    before = of_code.read_bytes()
+    with pytest.raises(InputError, match=f"{absent}: not found; only a copy of the settings can be changed"):
+        set_values({"device": "cpu"}, absent)
+    assert of_code.read_bytes() == before and not absent.exists()
+    of_folder = copied(absent, tmp_path / "other")
+    set_values({"device": "cpu"}, of_folder)
+    assert params.load(of_folder)["device"] == "cpu" and params.load(absent)["device"] == "auto"
+
+
 @pytest.mark.parametrize("place", [("glove_recorded", "protocols"), ("stress", "touch", "perturbations")])
 def test_a_key_that_is_no_text_is_refused(place):
     with pytest.raises(

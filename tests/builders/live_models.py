@@ -10,7 +10,8 @@ from pipeline.base import files, ranges
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
 from pipeline.inference import predictor
-from pipeline.learning.regressors import Scaled, Spec
+from pipeline.learning.regressors import Scaled
+from pipeline.learning.spec import Spec
 from pipeline.learning.window_statistics import KINDS as KINDS_OF_STATISTICS
 from pipeline.settings.targets import Target
 from pipeline.targets import kept

@@ -10,13 +10,13 @@ from builders import live_models
 from pipeline import models, tasks
 from pipeline.datasets.series import Record
 from pipeline.inference import card as cards
-from pipeline.learning import image_classifier
-from pipeline.learning.regressors import Scaled, Spec
+from pipeline.learning.regressors import Scaled
 from pipeline.learning.series_regressors import Scaling, StateReadout
+from pipeline.learning.spec import Spec, of_images
 
 MAPS = Spec(3, 2, 3, 4, 6)
 SERIES = Spec(4, 1, 3, 1, 2)  # three of the sensor's five channels
-IMAGES = image_classifier.spec_of(4)
+IMAGES = of_images(4)
 COLUMNS, CHOSEN = 5, [4, 0, 2]
 WINDOW_TRAINING = dict(learning_rate=1e-3, batch_size=8, epochs=1, rest_share=1.0)
 STREAM_TRAINING = dict(learning_rate=1e-3, batch_size=8, epochs=1)

@@ -37,7 +37,7 @@ def trained(seed: int, report: Any) -> str:
 
     from pipeline.datasets.series import Record
     from pipeline.learning.lstm import LstmRegressor
-    from pipeline.learning.regressors import Spec
+    from pipeline.learning.spec import Spec
     from pipeline.settings.training import SequenceTraining
 
     torch.set_num_threads(1)

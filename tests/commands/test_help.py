@@ -79,15 +79,12 @@ def test_absent_logs_are_said_before_torch_is_loaded(words, sentence):
 
 def test_models_are_listed_with_what_they_take_give_and_scored(capsys, tmp_path):
     workspace = models.Workspace(ROOT)
-    listed = {said["model"]: said for said in map(lambda f: models.described(workspace, f), models.packages(workspace))}
+    listed = {name: models.described(name, folder) for name, folder in models.packages(workspace)}
     assert set(listed) >= {"touch/lomp_stream", "strain/lstm_direct", "glove/sp_resnet"}
     assert listed["touch/lomp_stream"]["takes"] == "25 counts" and listed["touch/lomp_stream"]["gives"] == "kPa"
     assert re.fullmatch(r"rmse [\d.]+ kPa \(double, press\)", listed["touch/lomp_stream"]["scores"])
     broken = tmp_path / "pretrained" / "touch" / "broken"
     broken.mkdir(parents=True)
     (broken / "card.json").write_text("{}")
-    (found,) = map(
-        lambda f: models.described(models.Workspace(tmp_path), f),
-        models.packages(models.Workspace(tmp_path)),
-    )
-    assert found["model"] == "touch/broken" and "network.safetensors" in found["problem"]
+    ((name, folder),) = models.packages(models.Workspace(tmp_path))
+    assert name == "touch/broken" and "network.safetensors" in models.described(name, folder)["problem"]

@@ -318,7 +318,9 @@ def test_a_target_quotes_the_test_of_the_group_that_a_log_is_of(workspace, calle
     assert found["x/dora"]["scores"]["R2"] > 0.5 and "coverage" in found["x/dora"]["scores"]
     for name in ("anna_0", "ben_1", "cleo_0"):
         one, (test, number) = found[f"x/was {name}"], (name[:-2], tests.loc[name[:-2]])
-        assert one["scores"] is None and one["not_scored"] == kept.SEEN and one["held_out_of"] == f"test of {test}"
+        assert (
+            one["scores"] is None and one["not_scored"] == base_cards.SEEN and one["held_out_of"] == f"test of {test}"
+        )
         assert one["held_out"]["RMSE (deg)"] == pytest.approx(number["RMSE"])
         assert one["held_out"]["R2"] == pytest.approx(number["R2"])
         quoted = f"held out (test of {test}): RMSE (deg) {number['RMSE']:.3g}, R2 {number['R2']:.3g}"
@@ -330,7 +332,7 @@ def test_a_target_quotes_the_test_of_the_group_that_a_log_is_of(workspace, calle
     del card["logs"]
     (model / kept.CARD).write_text(base_cards.sealed(json.dumps(card), kept.CARD))
     said = called("predict", model, folder, "--out", tmp_path / "out")
-    assert kept.UNKNOWN in said and all(each["scores"] for each in answer(tmp_path / "out").values()), "as before"
+    assert base_cards.UNKNOWN in said and all(each["scores"] for each in answer(tmp_path / "out").values()), "as before"
 
 
 def test_a_recording_that_time_divides_quotes_the_mean_of_its_tests(workspace, called, tmp_path, monkeypatch):

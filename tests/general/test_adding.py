@@ -30,7 +30,7 @@ from pydantic import Field
 from sklearn.linear_model import Ridge
 
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block, NotNegative
 
 

@@ -17,8 +17,8 @@ from builders.project import ROOT
 from pipeline import experiments, models
 from pipeline.base import params
 from pipeline.datasets import series
-from pipeline.learning import image_classifier, series_regressors
-from pipeline.learning.regressors import Spec
+from pipeline.learning import series_regressors
+from pipeline.learning.spec import Spec, of_images, of_series
 from pipeline.own import settings as own_settings
 from pipeline.settings.models import Models
 from pipeline.tasks import windows as tasks_windows
@@ -65,7 +65,7 @@ def given_windows(spec: Spec, count: int = WINDOWS) -> Given:
 
 def given_images(classes: int = OBJECTS) -> Given:
     """Return images of objects of which each lights some rows of its own."""
-    spec, rng = image_classifier.spec_of(classes), np.random.default_rng(0)
+    spec, rng = of_images(classes), np.random.default_rng(0)
     label = np.arange(IMAGES) % classes
     x = rng.uniform(0, 60, (IMAGES, spec.rows, spec.cols))
     x[np.arange(spec.rows) % classes == label[:, None]] += 180
@@ -93,7 +93,7 @@ def series_spec(experiment: str, base: bool) -> Spec:
     """Return the shapes of the first protocol of an experiment on series, or of the model-0 that it starts from."""
     settings, module = VALUES[experiment], experiments.module(experiment)
     task = module.task(next(iter(settings["protocols"])), settings)
-    return series_regressors.spec_of(module.task(task.base, settings) if base else task, settings["window"]["frames"])
+    return of_series(module.task(task.base, settings) if base else task, settings["window"]["frames"])
 
 
 def given(experiment: str) -> Given:

@@ -59,7 +59,7 @@ def live(folder, log, step_s: float = 1e-4) -> tuple[list, list[str]]:
 def by_onnx(folder, read: recordings.Recording) -> np.ndarray:
     """What the ONNX file says, reading by reading, of a log whose lost lines are filled or a gap, here by hand."""
     model = predictor.load(folder)
-    model = predictor.Predictor(model.model, model.card, onnx_network.OnnxNetwork(folder / onnx_network.NAME))
+    model = predictor.Predictor(onnx_network.OnnxNetwork(folder / onnx_network.NAME), model.card)
     place = np.round((read.t_s - read.t_s[0]) / np.median(np.diff(read.t_s))).astype(int)
     begins = np.flatnonzero(np.diff(place) > 2) + 1
     said = []

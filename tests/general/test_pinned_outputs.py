@@ -13,7 +13,7 @@ import torch
 from safetensors.torch import load_file, save_file
 from test_contract_of_models import VALUES, Given, built, fit, given, given_windows, kind_of, predicted
 
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.learning.weights import NETWORK_FILE
 
 MODELS = {model: experiment for experiment in reversed(VALUES["experiments"]) for model in VALUES[experiment]["models"]}

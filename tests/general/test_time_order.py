@@ -11,8 +11,8 @@ from builders.project import ROOT
 from pipeline import experiments, models
 from pipeline.base import params
 from pipeline.datasets import series
-from pipeline.learning.regressors import Spec
-from pipeline.learning.series_regressors import adapted, spec_of
+from pipeline.learning.series_regressors import adapted
+from pipeline.learning.spec import Spec, of_series
 from pipeline.own import settings as own_settings
 
 VALUES = params.load(ROOT / "params.yaml")
@@ -111,7 +111,7 @@ def record(outputs: int, samples: int = 1200, seed: int = 0) -> series.Record:
 
 
 def series_model(key: str, outputs: int = 2):
-    spec = spec_of(series.Task(tuple(range(outputs)), {"a": [0, 1]}, False, "a"), DELAY + 3)
+    spec = of_series(series.Task(tuple(range(outputs)), {"a": [0, 1]}, False, "a"), DELAY + 3)
     return adapted(models.build(key, spec, MODELS["series"][key][1], "test"), spec)
 
 

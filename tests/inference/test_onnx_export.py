@@ -61,9 +61,10 @@ def test_windows_give_the_maps_of_the_predictor(key, exported):
     assert np.abs(maps).max() > 1
     windows = np.stack([readings[last - 4 : last + 1 : 2] for last in range(4, 11)])
     runs = onnx_network.session(path)
-    np.testing.assert_allclose(runs.run(None, {"readings": windows})[0], maps, rtol=1e-4, atol=1e-3)
+    near = 5e-4 * np.abs(maps).max() if key == "lomp" else 1e-3  # whose predictor has weights of 16 bits
+    np.testing.assert_allclose(runs.run(None, {"readings": windows})[0], maps, rtol=1e-4, atol=near)
     alone = np.concatenate([runs.run(None, {"readings": window[None]})[0] for window in windows])
-    np.testing.assert_allclose(alone, maps, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(alone, maps, rtol=1e-4, atol=near)
 
 
 @pytest.mark.slow

@@ -47,7 +47,7 @@ def known(request, tmp_path_factory) -> tuple[predictor.Predictor, recordings.Re
         given = cards.Calibration(
             level=0.9, group="press", shared=False, refitted=False, bounds=BOUNDS[experiment], coverage=[]
         )
-        model = predictor.Predictor(model.model, model.card.model_copy(update={"calibration": given}), model.onnx)
+        model = predictor.Predictor(model.model, model.card.model_copy(update={"calibration": given}))
     read = recordings.read(log, "run", model.card)
     return model, read._replace(**{name: getattr(read, name)[:MOST] for name in ("t_s", "x", "segment")})
 

@@ -186,7 +186,7 @@ def test_a_card_belongs_to_its_weights(tmp_path):
         ("touch/lomp/press/x", "'x' is no seed"),
         ("feat/lomp", "no such model; .*"),
         ("touch/lomp_strem", "touch/lomp_strem: no such model; did you mean 'lomp_stream'"),
-        ("touch/tree", r"not trained in this checkout; .* the pretrained \(glove/sp_resnet, strain/lstm_direct"),
+        ("touch/tree", r"not trained in this folder; .* the pretrained \(glove/sp_resnet, strain/lstm_direct"),
     ],
 )
 def test_a_model_that_is_not_there_is_named(name, problem, tmp_path):

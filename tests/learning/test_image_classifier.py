@@ -7,7 +7,8 @@ from torch import nn
 
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import SIDE
-from pipeline.learning.image_classifier import ImageClassifier, augmented, draw_alterations, spec_of
+from pipeline.learning.image_classifier import ImageClassifier, augmented, draw_alterations
+from pipeline.learning.spec import of_images
 from pipeline.settings.training import AugmentedTraining
 
 NONE = {"learning_rate": 2e-4, "batch_size": 8, "epochs": 3}
@@ -82,7 +83,7 @@ def task(n):
 
 
 def classifier(**changes):
-    return ImageClassifier(Linear, spec_of(2), AugmentedTraining(**NONE | changes))
+    return ImageClassifier(Linear, of_images(2), AugmentedTraining(**NONE | changes))
 
 
 @pytest.mark.slow

@@ -7,8 +7,8 @@ from torch import nn
 
 from benchmarks.peers import LoopedLomp
 from pipeline.base.errors import InputError
-from pipeline.learning import lomp_network, lomp_prediction
-from pipeline.learning.regressors import Spec
+from pipeline.learning import lomp_network, lomp_prediction, lomp_shape
+from pipeline.learning.spec import Spec
 from pipeline.learning.training import products_in
 from pipeline.models import lomp, lomp_stream
 from pipeline.settings.training import WindowTraining
@@ -116,13 +116,21 @@ def test_backward_after_another_forward_is_refused():
 
 
 def test_neighbours_of_corner_edge_and_centre():
-    four, eight = lomp_network.neighbour_matrix(5, 5, 4), lomp_network.neighbour_matrix(5, 5, 8)
-    assert four[0].nonzero().flatten().tolist() == [1, 5]
-    assert eight[0].nonzero().flatten().tolist() == [1, 5, 6]
-    assert four[12].nonzero().flatten().tolist() == [7, 11, 13, 17]
+    four, eight = lomp_shape.neighbour_matrix(5, 5, 4), lomp_shape.neighbour_matrix(5, 5, 8)
+    assert np.flatnonzero(four[0]).tolist() == [1, 5]
+    assert np.flatnonzero(eight[0]).tolist() == [1, 5, 6]
+    assert np.flatnonzero(four[12]).tolist() == [7, 11, 13, 17]
     assert eight[12].sum() == 8 and eight[10].sum() == 5
-    assert torch.equal(four, four.T) and torch.equal(eight, eight.T)
-    assert lomp_network.neighbour_matrix(1, 1, 4).tolist() == [[0.0]]
+    assert np.array_equal(four, four.T) and np.array_equal(eight, eight.T)
+    assert lomp_shape.neighbour_matrix(1, 1, 4).tolist() == [[0.0]]
+
+
+@pytest.mark.parametrize("one_readout", [False, True])
+@pytest.mark.parametrize("readout", [[], [7, 5]])
+def test_the_shapes_that_are_told_without_torch_are_those_of_the_network(readout, one_readout):
+    spec = Spec(3, 2, 4, 6, 4)
+    made = lomp_network.maker(spec, 11, readout, 4, 1.0, one_readout)().state_dict()
+    assert lomp_shape.shapes(spec, 11, readout, one_readout) == {name: tuple(each.shape) for name, each in made.items()}
 
 
 def test_without_messages_an_element_sees_only_itself():
@@ -154,6 +162,12 @@ SHAPES = {  # spec, settings of `network`
 }
 
 
+def compiled(network: lomp_network.Lomp) -> lomp_prediction.Prediction:
+    """The same network in compiled code."""
+    weights = {name: tensor.numpy() for name, tensor in network.state_dict().items()}
+    return lomp_prediction.Prediction(network.spec, weights, network.neighbours.numpy(), network.alpha)
+
+
 def largest_difference(ours: np.ndarray, exact: torch.Tensor) -> float:
     """Share of full scale."""
     return float(np.abs(ours - exact.numpy()).max() / exact.abs().max())
@@ -162,7 +176,7 @@ def largest_difference(ours: np.ndarray, exact: torch.Tensor) -> float:
 @pytest.mark.parametrize("spec, settings", SHAPES.values(), ids=SHAPES)
 def test_a_row_in_compiled_code_is_a_row_of_a_batch(spec, settings):
     stacked = network(spec, **settings)
-    prediction = lomp_prediction.Prediction(stacked)
+    prediction = compiled(stacked)
     x = torch.randn(30, spec.frames, spec.elements)
     before = torch.randn(spec.elements, 30, stacked.hidden).relu()
     for state in (None, before):
@@ -221,20 +235,20 @@ def test_what_is_not_a_number_stays_none():
     spec = Spec(2, 5, 5, 5, 5)
     stacked = network(spec, hidden=8, readout=[8])
     x = np.zeros((2, 25), np.float32)
-    whole = lomp_prediction.Prediction(stacked).run(x, None)[0]
+    whole = compiled(stacked).run(x, None)[0]
     assert np.isfinite(whole).all()
     x[1, 12] = np.nan  # in the last frame: the element and its neighbours
-    image, state = lomp_prediction.Prediction(stacked).run(x, None)
+    image, state = compiled(stacked).run(x, None)
     reached = [7, 11, 12, 13, 17]
     assert np.flatnonzero(np.isnan(image)).tolist() == reached
     assert np.flatnonzero(np.isnan(state).any(axis=1)).tolist() == reached
     np.testing.assert_array_equal(np.delete(image, reached), np.delete(whole, reached))
     x[1, 12] = np.inf
-    assert np.isfinite(lomp_prediction.Prediction(stacked).run(x, None)[0]).all()
+    assert np.isfinite(compiled(stacked).run(x, None)[0]).all()
     with torch.no_grad():
         stacked.readout[0][3, 2, 4] = np.nan
         stacked.readout[0][8] = 0
-    image = lomp_prediction.Prediction(stacked).run(np.zeros((2, 25), np.float32), None)[0]
+    image = compiled(stacked).run(np.zeros((2, 25), np.float32), None)[0]
     assert np.flatnonzero(np.isnan(image)).tolist() == [3]
 
 

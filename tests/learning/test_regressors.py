@@ -10,7 +10,8 @@ from torch.optim.optimizer import register_optimizer_step_post_hook
 from pipeline.base.errors import InputError
 from pipeline.learning import cost, regressors, weights
 from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import Spec, TorchRegressor
+from pipeline.learning.regressors import TorchRegressor
+from pipeline.learning.spec import Spec
 from pipeline.settings.training import WindowTraining
 
 SPEC = Spec(2, 1, 3, 2, 2)

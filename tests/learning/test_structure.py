@@ -18,7 +18,7 @@ from pipeline import models
 from pipeline.base.errors import InputError
 from pipeline.learning import estimators, structure
 from pipeline.learning.per_element import ElementTrees
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 
 TRUSTED = ("sklearn.tree._tree.Tree", "pipeline.learning.per_element.ElementTrees")
 RNG = np.random.default_rng(0)

@@ -9,7 +9,7 @@ from builders.project import ROOT
 from pipeline import models, tasks
 from pipeline.base import params, paths
 from pipeline.base.errors import InputError
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.learning.trained import Fitted
 from pipeline.scoring import metrics
 

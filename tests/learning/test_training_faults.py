@@ -9,10 +9,11 @@ from pipeline.base.errors import InputError
 from pipeline.datasets import levels, series
 from pipeline.datasets.levels import Levels
 from pipeline.learning.faults import FaultDraws, Readings
-from pipeline.learning.image_classifier import ImageClassifier, spec_of
+from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.lstm import LstmRegressor
-from pipeline.learning.regressors import Spec, TorchRegressor
+from pipeline.learning.regressors import TorchRegressor
 from pipeline.learning.series_regressors import Windowed
+from pipeline.learning.spec import Spec, of_images
 from pipeline.models import cnn, lomp_stream, lstm_highpass
 from pipeline.settings.training import (
     AugmentedTraining,
@@ -143,7 +144,7 @@ def images_seen(faults, seed=0):
     """As windows_seen: images of 5 cells, each as wide as the readings' largest, in counts of that."""
     block = IMAGES | ({"faults": Faults(**faults)} if faults else {})
     network = lambda: Seen(nn.Sequential(nn.Flatten(), nn.Linear(5, 2)))  # noqa: E731
-    model = ImageClassifier(network, spec_of(2, (1, 5)), AugmentedTraining(**block))
+    model = ImageClassifier(network, of_images(2, (1, 5)), AugmentedTraining(**block))
     readings, y = window_data(96)[0][:, 0], np.eye(2, dtype=np.float32)[np.arange(96) % 2]
     shown = lambda cells: cells / 1000 * 255  # noqa: E731
     known = Readings(readings[:48], COUNTS._replace(rest=np.full(5, 400.0)), shown)
@@ -315,7 +316,7 @@ def test_a_training_with_faults_needs_to_know_the_readings():
             model.fit([record()], seed=0, device="cpu", base=None)
         model.fit([record()], seed=0, device="cpu", base=None, levels=levels.of_series([record()], {}))
         assert np.isfinite(model.predict(record().x)).all()
-    classifier = ImageClassifier(lambda: nn.Flatten(), spec_of(2, (1, 5)), AugmentedTraining(**IMAGES | block))
+    classifier = ImageClassifier(lambda: nn.Flatten(), of_images(2, (1, 5)), AugmentedTraining(**IMAGES | block))
     x, y = np.zeros((4, 1, 5), np.float32), np.eye(2, dtype=np.float32)[[0, 1, 0, 1]]
     with pytest.raises(InputError, match="images or windows without the sensor's readings"):
         classifier.fit((x, y), (x, y), seed=0, device="cpu")
@@ -346,7 +347,7 @@ def errors_of_images(faults, changed):
     (truth, x), (held, seen) = told(400, 0), told(200, 1)
     network = lambda: nn.Sequential(nn.Flatten(), nn.Linear(5, 24), nn.ReLU(), nn.Linear(24, 2))  # noqa: E731
     training = AugmentedTraining(**IMAGES | {"epochs": 25, "batch_size": 20} | faults)
-    model = ImageClassifier(network, spec_of(2, (1, 5)), training)
+    model = ImageClassifier(network, of_images(2, (1, 5)), training)
     shown = lambda cells: cells / 1000 * 255  # noqa: E731
     given = {"readings": Readings(x, COUNTS._replace(rest=np.full(5, 500.0)), shown)} if faults else {}
     parts = (

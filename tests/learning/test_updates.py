@@ -6,8 +6,7 @@ import torch
 
 from pipeline import models
 from pipeline.learning import updates
-from pipeline.learning.image_classifier import spec_of
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec, of_images
 from pipeline.learning.training import device_of
 
 TRAINING = {"learning_rate": 1e-3, "batch_size": 8, "epochs": 6}
@@ -30,7 +29,7 @@ def losses(name: str, device: str) -> list[float]:
     rng = np.random.default_rng(0)
     if "reduction" in MODELS[name] or name.startswith("resnet"):
         x = rng.integers(0, 255, (44, 1, 1024)).astype(np.float32)
-        data, spec = (x, np.eye(4, dtype=np.float32)[np.arange(44) % 4]), spec_of(4)
+        data, spec = (x, np.eye(4, dtype=np.float32)[np.arange(44) % 4]), of_images(4)
     else:
         x = rng.uniform(0, 20, (44, 4, 4)).astype(np.float32)
         data, spec = (x, np.repeat(x[:, -1], 4, axis=1)), Spec(4, 2, 2, 4, 4)

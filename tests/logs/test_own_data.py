@@ -5,6 +5,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from builders.project import ROOT
@@ -14,7 +15,7 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
-from pipeline.commands import check, command_line
+from pipeline.commands import check, command_line, own
 from pipeline.logs import own_data
 from pipeline.stages import ingest
 
@@ -86,7 +87,7 @@ def test_logs_that_dvc_watches_are_taken(workspace, way, root, tmp_path):
     assert (
         own_data.unnoticed(workspace, place / "finger") is None and own_data.unnoticed(workspace, place / LOG) is None
     )
-    assert own_data.setting(workspace, place / "finger") == "data/own/finger"
+    assert own_data.argument(workspace, place / "finger") == "data/own/finger"
 
 
 @pytest.mark.parametrize("way", UNNOTICED)
@@ -96,7 +97,7 @@ def test_a_link_to_a_folder_is_refused_with_the_command_that_fixes_it(workspace,
     way(place, tmp_path / "elsewhere" / "it's here")
     said = own_data.unnoticed(workspace, place / "finger")
     link = place / "finger" if way is link_to_a_folder else (place / LOG).parent
-    assert said.startswith(f"{link} is a link to a folder, in which `dvc repro` would not notice a change; ")
+    assert said.startswith(f"{link} is a link to a folder, which is not followed; ")
     assert "\n" not in said
     if way is link_to_a_folder:
         assert own_data.unnoticed(workspace, place / LOG) == said
@@ -121,7 +122,8 @@ def test_a_link_within_is_refused_too(workspace, root):
 def test_a_link_that_leads_to_nothing_is_refused(workspace, root):
     (put(root / "data" / "own") / "gone.log").symlink_to("nowhere.log")
     said = own_data.unnoticed(workspace, root / "data" / "own" / "finger")
-    assert said.endswith("gone.log is a link that leads to nothing, where `dvc repro` stops; fix or remove it")
+    assert said.endswith("gone.log is a link that leads to nothing; fix or remove it")
+    assert own_data.linked(root / "data" / "own" / "finger") == said
 
 
 @pytest.mark.parametrize("source", ["../ext/finger", "data/own/../../../ext/finger", "{outside}"])
@@ -149,19 +151,30 @@ def test_ingest_refuses_a_link_to_a_folder(workspace, experiment, root, tmp_path
         ingest.ingest(workspace, experiment, settings)
 
 
-def test_check_says_what_ingest_would(root, tmp_path, monkeypatch, capsys):
-    """`ready` is said only of a folder that ingest takes."""
-    outside = put(tmp_path / "elsewhere")
-    link = root / "data" / "own" / "finger"
-    link.symlink_to(outside)
+def test_check_names_commands_that_take_the_folder(workspace, root, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(check, "check", lambda *arguments: None)  # all else is right
-    for folder, words in ((outside, "is not in data/own, so"), (link, "is a link to a folder, in which")):
+
+    def said(folder):
         monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", str(folder), "--root", str(root)])
-        with pytest.raises(SystemExit, match=f"^fix first: {folder} {words}"):
-            command_line.main()
-    link.unlink()
+        command_line.main()
+        return capsys.readouterr().out.partition("`tactile try ")[2].partition("`")[0]
+
     put(root / "data" / "own")
-    monkeypatch.chdir(link)
-    monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", ".", "--root", str(root)])
-    command_line.main()
-    assert capsys.readouterr().out.startswith("ready: `tactile try data/own/finger` for a quick look")
+    monkeypatch.chdir(root / "data" / "own" / "finger")
+    assert said(Path()) == "data/own/finger" and own.name_of(workspace, Path()) == "finger"
+    inside = put(root / "bench")
+    assert said(inside) == own.name_of(workspace, inside) == "bench/finger"
+    outside = put(tmp_path / "else where")
+    with pytest.raises(InputError, match=f"{outside}: lies outside of {root}; add `--root '{outside.parent}'`"):
+        own.name_of(workspace, outside)
+    assert said(outside) == f"'{outside}' --root '{outside.parent}'"
+
+
+def test_check_refuses_links_that_own_would_not_follow(root, tmp_path, monkeypatch):
+    place = root / "data" / "own"
+    place.rmdir()
+    link_to_a_folder_below(place, tmp_path / "elsewhere")
+    monkeypatch.setattr(check, "check", lambda *arguments: None)
+    monkeypatch.setattr(sys, "argv", ["tactile", "check", "touch", str(place / "finger"), "--root", str(root)])
+    with pytest.raises(SystemExit, match="^fix first: .*run000 is a link to a folder, which is not followed; "):
+        command_line.main()

@@ -14,8 +14,8 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets.images import SIDE
 from pipeline.learning import cost
-from pipeline.learning.image_classifier import spec_of
 from pipeline.learning.residual_blocks import BasicBlock, Convolution3x3, GlobalCoordinateAttention, SeparableBlock
+from pipeline.learning.spec import of_images
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 from pipeline.settings.training import AugmentedTraining
 from pipeline.studies.operations import operations
@@ -37,7 +37,7 @@ EPOCHS = {"resnet18": 10, "mobilenet": 16, "resnet3x3": 7, "sp_resnet_nogcam": 1
 
 def build(key, classes=OBJECTS, **changes):
     settings = SETTINGS[key] | changes
-    return models.build(key, spec_of(classes), settings, "test")
+    return models.build(key, of_images(classes), settings, "test")
 
 
 def images(n, seed=0):
@@ -128,7 +128,7 @@ def test_attention_weighs_rows_and_columns():
 @pytest.mark.parametrize("reduction", [0, 65, -1])
 def test_reduction_that_leaves_no_channel_is_refused(reduction):
     with pytest.raises(InputError, match="reduction must be from 1 to the 64 channels"):
-        sp_resnet.build(spec_of(OBJECTS), reduction=reduction, width=1.0, training=AugmentedTraining(**TRAINING))
+        sp_resnet.build(of_images(OBJECTS), reduction=reduction, width=1.0, training=AugmentedTraining(**TRAINING))
 
 
 @pytest.mark.parametrize("block", [BasicBlock(4, 4), SeparableBlock(4, 4), SeparableBlock(4, 4, reduction=2)])

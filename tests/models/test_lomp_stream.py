@@ -7,7 +7,7 @@ import torch
 
 from pipeline import models
 from pipeline.datasets.windows import Dataset
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.models import lomp_stream
 
 SPEC = Spec(4, 2, 2, 4, 4)

@@ -9,8 +9,8 @@ import torch
 from pipeline import models
 from pipeline.base.errors import InputError
 from pipeline.datasets import series
-from pipeline.learning.regressors import Spec
-from pipeline.learning.series_regressors import adapted, ridge_weights, spec_of
+from pipeline.learning.series_regressors import adapted, ridge_weights
+from pipeline.learning.spec import Spec, of_series
 from pipeline.studies.latent import decoded, settled
 
 RECIPE = {"learning_rate": 5e-3, "epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}
@@ -26,7 +26,7 @@ BLOCKS = {
 
 def spec(outputs: int, channels: int = 6) -> Spec:
     task = series.Task(tuple(range(outputs)), {"a": list(range(channels))}, False, "a")
-    return spec_of(task, 5)
+    return of_series(task, 5)
 
 
 def build(name: str, shapes: Spec, block: dict | None = None):

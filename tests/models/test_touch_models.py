@@ -8,7 +8,7 @@ from pipeline import models
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.learning import per_element
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 
 PAPER = Spec(8, 5, 5, 20, 20)
 SMALL = Spec(3, 2, 2, 4, 4)

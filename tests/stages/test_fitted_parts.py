@@ -22,7 +22,7 @@ from pipeline.datasets import schemas, series
 from pipeline.experiments.glove_recorded import CELLS, JOINTS
 from pipeline.inference import calibration, channels, training
 from pipeline.inference.describer import Describer
-from pipeline.learning.regressors import Spec
+from pipeline.learning.spec import Spec
 from pipeline.learning.trained import Trained
 from pipeline.own.settings import YARDSTICKS
 from pipeline.stability import loop

@@ -10,7 +10,7 @@ from pipeline import models
 from pipeline.base import params
 from pipeline.datasets import images, schemas
 from pipeline.learning import image_classifier
-from pipeline.learning.image_classifier import spec_of
+from pipeline.learning.spec import of_images
 from pipeline.scoring import classification, frame_sets
 from pipeline.studies import input_frames, joined_frames
 
@@ -23,7 +23,7 @@ SETTINGS = {"dataset": "combined", "split": "session", "numbers": [2]}
 
 def single(model="sp_resnet", **training):
     block = BLOCKS[model] | {"training": TRAINING | training}
-    return models.build(model, spec_of(2), block, "made up")
+    return models.build(model, of_images(2), block, "made up")
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 8])

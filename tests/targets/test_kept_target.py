@@ -8,7 +8,6 @@ from sklearn.dummy import DummyRegressor
 
 from pipeline import experiments
 from pipeline.base import params
-from pipeline.base.paths import Workspace
 from pipeline.commands import targets
 from pipeline.settings.targets import Target
 from pipeline.targets import kept, models
@@ -45,7 +44,7 @@ def saved(folder, data: Data, experiment: str = "strain") -> kept.Kept:
     effort = targets.Effort(4000, 5)
     made = targets.section("joint", data, [], effort)
     (folder / "model").mkdir()
-    targets.keep(folder / "model", Workspace(folder), experiment, folder / "logs", block, data, made, effort)
+    targets.keep(folder / "model", experiment, folder / "logs", block, data, made, effort)
     return kept.load(folder / "model")
 
 
