@@ -21,7 +21,8 @@ class TrainedModel(PythonModel):
             if error.name != "pipeline":
                 raise
             raise ModuleNotFoundError(
-                "the model needs the code that made it: run `pip install -e .` in a checkout of the commit in its card",
+                "the model needs the code that made it: run `pip install -e '.[reproduction]'` in a checkout of the "
+                "commit in its card",
                 name=error.name,
             ) from error
         self.predictor = predictor.load(Path(context.artifacts["card"]).parent)

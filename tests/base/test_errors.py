@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -102,3 +103,24 @@ def test_a_command_without_standard_output_runs():
     shell = f"exec {' '.join(map(shlex.quote, code))} >&-"
     done = subprocess.run(["sh", "-c", shell], env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True)
     assert done.returncode == 0 and not done.stderr
+
+
+@pytest.mark.parametrize(
+    ("absent", "extra"),
+    [("torch", "train"), ("onnx", "onnx"), ("mlflow.entities", "reproduction"), ("distributed", "cluster")],
+)
+def test_a_library_of_an_extra_that_is_absent_is_named_with_the_smallest_extra_that_has_it(absent, extra, tmp_path):
+    def main():
+        raise ModuleNotFoundError(f"No module named '{absent}'", name=absent)
+
+    install = f"run `pip install -c constraints.txt -e '.[{extra}]'`"
+    with pytest.raises(SystemExit, match=re.escape(f"error: {absent.partition('.')[0]} is not installed; {install}")):
+        errors.run_stage(main, tmp_path / "params.yaml")
+
+
+def test_a_module_that_no_extra_has_is_a_fault_of_the_code(tmp_path):
+    def main():
+        raise ModuleNotFoundError("No module named 'pipeline.absent'", name="pipeline.absent")
+
+    with pytest.raises(ModuleNotFoundError):
+        errors.run_stage(main, tmp_path / "params.yaml")
