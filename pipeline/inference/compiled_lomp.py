@@ -18,7 +18,8 @@ MODELS = ("lomp", ONE_READOUT, STREAMS)
 class CompiledLomp:
     """LoMP, for windows of readings or, of `lomp_stream`, for streams that carry their state along.
 
-    Weights are rounded to 16 bits, see lomp_prediction: predictions differ from torch's by at most 0.5 % of full scale.
+    Weights are rounded to 16 bits, see lomp_prediction: predictions differ from torch's by less than 0.05 % of full
+    scale.
     """
 
     def __init__(self, folder: Path, card: Card):
