@@ -37,16 +37,22 @@ SMALL = 0.1  # of the first weights of P beside the identity
 
 
 def maker(
-    spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: float, one_readout: bool = False
+    spec: Spec,
+    hidden: int,
+    readout: list[int],
+    neighbours: int,
+    alpha: float,
+    one_readout: bool = False,
+    drawn: bool = False,
 ) -> Callable[[], "Lomp"]:
     """Return a function that makes a network of these settings.
 
     `hidden`: numbers in h, h1, s and m; `readout`: widths of f's hidden layers; `neighbours`: 4 (sharing an edge) or 8
-    (sharing a corner, too); `alpha`: weight of the messages (eq. 4); `one_readout`: whether all elements have one f.
-    Errors as `lomp_shape.check`.
+    (sharing a corner, too); `alpha`: weight of the messages (eq. 4); `one_readout`: whether all elements have one f;
+    `drawn`: whether the first P is drawn as all other weights are, not near the identity. Errors as `lomp_shape.check`.
     """
     lomp_shape.check(spec, neighbours)
-    return lambda: Lomp(spec, hidden, readout, neighbours, alpha, one_readout)
+    return lambda: Lomp(spec, hidden, readout, neighbours, alpha, one_readout, drawn)
 
 
 class Lomp(nn.Module):
@@ -60,7 +66,14 @@ class Lomp(nn.Module):
     """
 
     def __init__(
-        self, spec: Spec, hidden: int, readout: list[int], neighbours: int, alpha: float, one_readout: bool = False
+        self,
+        spec: Spec,
+        hidden: int,
+        readout: list[int],
+        neighbours: int,
+        alpha: float,
+        one_readout: bool = False,
+        drawn: bool = False,
     ):
         super().__init__()
         self.spec, self.hidden, self.alpha = spec, hidden, alpha
@@ -84,7 +97,8 @@ class Lomp(nn.Module):
         self.readout = nn.ParameterList(_uniform(inputs, of, inputs, outputs) for inputs, outputs in pairs)
         self.readout_bias = nn.ParameterList(_uniform(inputs, of, 1, outputs) for inputs, outputs in pairs)
         with torch.no_grad():  # P near the identity lets states through from frame to frame before it is trained
-            self.update.mul_(SMALL).diagonal(dim1=1, dim2=2).add_(1)
+            if not drawn:
+                self.update.mul_(SMALL).diagonal(dim1=1, dim2=2).add_(1)
         for start_at_zero in (self.update_bias, self.readout[-1], self.readout_bias[-1]):
             nn.init.zeros_(start_at_zero)
         adjacent = torch.from_numpy(lomp_shape.neighbour_matrix(spec.rows, spec.cols, neighbours))

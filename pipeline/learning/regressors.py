@@ -283,6 +283,15 @@ def zero_linear(inputs: int, outputs: int) -> nn.Linear:
     return layer
 
 
+def perceptron(inputs: int, hidden: Iterable[int], outputs: int) -> nn.Sequential:
+    """Return linear layers of the widths `hidden`, each with a ReLU, and a last one that starts at zero."""
+    layers, width = [], inputs
+    for wider in hidden:
+        layers += [nn.Linear(width, wider), nn.ReLU()]
+        width = wider
+    return nn.Sequential(*layers, zero_linear(width, outputs))
+
+
 def input_scale(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and spread (elements,) of each element over all windows and frames of x (n, frames, elements).
 

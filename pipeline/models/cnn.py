@@ -3,7 +3,7 @@
 from pydantic import Field
 from torch import nn
 
-from pipeline.learning.regressors import TorchRegressor, zero_linear
+from pipeline.learning.regressors import TorchRegressor, perceptron
 from pipeline.learning.spec import Spec
 from pipeline.settings.shared import Block, Listed, Width
 from pipeline.settings.training import WindowTraining
@@ -20,7 +20,7 @@ class Settings(Block):
 def build(spec: Spec, *, channels: list[int], hidden: list[int], training: WindowTraining) -> TorchRegressor:
     """Return the untrained CNN.
 
-    Convolutions 3x3 8-32-64-64 on 5x5 and linear 1600-256-256-400 are 636,208 parameters.
+    Convolutions 3x3 8-32-64-64 on 5x5 and linear 1600-256-512-400 are 804,400 parameters.
 
     Differs from paper: sizes are "as in previous research", whose sensors are others; here chosen for 5x5 elements.
     """
@@ -33,9 +33,4 @@ def _network(spec: Spec, channels: list[int], hidden: list[int]) -> nn.Sequentia
     for wider in channels:
         layers += [nn.Conv2d(width, wider, 3, padding=1), nn.ReLU()]
         width = wider
-    layers.append(nn.Flatten())
-    width *= spec.elements
-    for narrower in hidden:
-        layers += [nn.Linear(width, narrower), nn.ReLU()]
-        width = narrower
-    return nn.Sequential(*layers, zero_linear(width, spec.outputs))
+    return nn.Sequential(*layers, nn.Flatten(), *perceptron(width * spec.elements, hidden, spec.outputs))

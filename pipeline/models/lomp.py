@@ -23,11 +23,19 @@ class Settings(Block):
         description="Elements that send messages: sharing an edge (4), or also a corner (8)"
     )
     alpha: Number = Field(description="Weight of the messages (equation 4)")
+    start: Literal["identity", "drawn"] = Field(default="identity", description="First P: near the identity, or drawn")
     training: WindowTraining = Field(description="How it is trained")
 
 
 def build(
-    spec: Spec, *, hidden: int, readout: list[int], neighbours: int, alpha: float, training: WindowTraining
+    spec: Spec,
+    *,
+    hidden: int,
+    readout: list[int],
+    neighbours: int,
+    alpha: float,
+    start: str,
+    training: WindowTraining,
 ) -> "WindowLomp":
     """Return the untrained network; its settings are those of `lomp_network.maker`.
 
@@ -37,7 +45,7 @@ def build(
     32, zero state at the start of a window, loss on the last frame. An alpha of 1 is no discount, as the paper calls
     it; lower ones had higher errors.
     """
-    return WindowLomp(maker(spec, hidden, readout, neighbours, alpha), spec, training)
+    return WindowLomp(maker(spec, hidden, readout, neighbours, alpha, drawn=start == "drawn"), spec, training)
 
 
 class WindowLomp(LompRegressor):

@@ -1,14 +1,16 @@
 """Build the VGG-16 of the LoMP paper (Table I, its reference 20): a window's frames are the channels of one image."""
 
+from collections.abc import Sequence
+
 import torch
 from pydantic import Field
 from torch import nn
 
 from pipeline.base.errors import InputError
-from pipeline.learning.regressors import TorchRegressor, zero_linear
+from pipeline.learning.regressors import TorchRegressor, perceptron
 from pipeline.learning.residual_blocks import Convolution3x3
 from pipeline.learning.spec import Spec
-from pipeline.settings.shared import Block, Listed, Width
+from pipeline.settings.shared import Block, Listed, Width, Widths
 from pipeline.settings.training import WindowTraining
 
 CONVOLUTIONS = (2, 2, 3, 3, 3)  # per stage; 13 of the 16 layers
@@ -18,10 +20,19 @@ class Settings(Block):
     """Settings of a model `vgg` in params.yaml."""
 
     channels: Listed[Width] = Field(description="Width of the convolutions of each of the five stages")
+    batch_norm: bool = Field(default=True, description="Whether batch normalisation follows every convolution")
+    hidden: Widths = Field(default=[], description="Width of each linear layer before the last one")
     training: WindowTraining = Field(description="How it is trained")
 
 
-def build(spec: Spec, *, channels: list[int], training: WindowTraining) -> TorchRegressor:
+def build(
+    spec: Spec,
+    *,
+    channels: list[int],
+    batch_norm: bool,
+    hidden: Sequence[int],
+    training: WindowTraining,
+) -> TorchRegressor:
     """Return the untrained network.
 
     Channels 64, 128, 256, 512, 512 on 5x5 and linear 512-400 are 14,926,992 parameters.
@@ -36,17 +47,17 @@ def build(spec: Spec, *, channels: list[int], training: WindowTraining) -> Torch
     """
     if len(channels) != len(CONVOLUTIONS):
         raise InputError(f"vgg: channels must give {len(CONVOLUTIONS)} widths, not {channels!r}")
-    return TorchRegressor(lambda: _network(spec, channels), spec, training)
+    return TorchRegressor(lambda: _network(spec, channels, batch_norm, hidden), spec, training)
 
 
-def _network(spec: Spec, channels: list[int]) -> nn.Sequential:
+def _network(spec: Spec, channels: list[int], batch_norm: bool, hidden: Sequence[int]) -> nn.Sequential:
     layers = [nn.Unflatten(2, (spec.rows, spec.cols))]
     width, rows, cols = spec.frames, spec.rows, spec.cols
     for convolutions, wider in zip(CONVOLUTIONS, channels, strict=True):
         for _ in range(convolutions):
-            layers += [Convolution3x3(width, wider), nn.BatchNorm2d(wider), nn.ReLU()]
+            layers += [Convolution3x3(width, wider), *([nn.BatchNorm2d(wider)] if batch_norm else []), nn.ReLU()]
             width = wider
         layers.append(nn.MaxPool2d(2, ceil_mode=True))
         rows, cols = (rows + 1) // 2, (cols + 1) // 2
-    network = nn.Sequential(*layers, nn.Flatten(), zero_linear(width * rows * cols, spec.outputs))
+    network = nn.Sequential(*layers, nn.Flatten(), *perceptron(width * rows * cols, hidden, spec.outputs))
     return network.to(memory_format=torch.channels_last)

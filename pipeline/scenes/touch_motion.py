@@ -201,7 +201,8 @@ def demonstration_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: 
     """Return the three demonstrations of section IV-E: three touches, two sliding touches, a rolled tape.
 
     The tape is a line of five contacts over neighbouring elements whose load falls from left to right (the thumb
-    lifts the right side). The paper shows pictures only; the logged truth here exists because we simulate.
+    lifts the right side). The paper shows pictures only; the logged truth here exists because we simulate. Of places
+    `random` each is somewhere else: touches and slides stay two elements apart, as double touches do.
     """
     rng = generator(settings["seed"], "demonstrations")
     newton = 1e3 * tip_area_m2(tip_radius_mm)  # per kPa
@@ -221,17 +222,16 @@ def demonstration_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: 
     scenes = {
         "three": ([220, 280, 180], [(0.3, 0.3, 0.3, 0.3), (0.7, 0.3, 0.7, 0.3), (0.5, 0.7, 0.5, 0.7)], 0.6),
         "slide": ([220, 220], [(0.15, 0.2, 0.85, 0.2), (0.85, 0.8, 0.15, 0.8)], 2.0),
-        "tape": (
-            [180, 150, 120, 90, 60],
-            [(0.26 + 0.12 * k, 0.5, 0.26 + 0.12 * k, 0.5) for k in range(5)],
-            0.8,
-        ),
+        "tape": ([180, 150, 120, 90, 60], tape(0.26, 0.5), 0.8),
     }
+    elsewhere = settings["demonstrations"]["places"] == "random"
+    apart = np.minimum([2 / sensor["cols"], 2 / sensor["rows"]], 0.4)  # two elements; smaller arrays have no room
     recordings = []
     for name, (peaks, ends, seconds) in scenes.items():
         events = []
         for _ in range(settings["demonstrations"]["repetitions"]):
             scale = rng.uniform(0.9, 1.1)
+            ends = random_ends(name, len(peaks), apart, rng) if elsewhere else ends
             events.append(event([peak * scale for peak in peaks], ends, seconds * rng.uniform(0.8, 1.2)))
         touches = []
         for pieces in zip(*events, strict=True):
@@ -246,3 +246,29 @@ def demonstration_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: 
             )
         recordings.append(Recording(name, "run000", touches))
     return recordings
+
+
+def tape(left: float, y: float) -> list[tuple[float, float, float, float]]:
+    """Return the ends of a tape's five contacts, which do not move; left, y: of the first, shares of the array."""
+    return [(left + 0.12 * k, y) * 2 for k in range(5)]
+
+
+def random_ends(name: str, touches: int, apart: np.ndarray, rng: np.random.Generator) -> list[tuple[float, ...]]:
+    """Draw where the touches of a demonstration begin and end, (x0, y0, x1, y1) in shares of the array's sides.
+
+    apart: how far two touches are from each other in x or y at every time, (2,) in shares; a slide covers half of a
+    side or more.
+    """
+    if name == "tape":
+        return tape(rng.uniform(0.1, 0.42), rng.uniform(0.1, 0.9))
+    moves = name == "slide"
+    along = np.linspace(0, 1, 50)[:, None, None]
+    while True:
+        start, end = rng.uniform(0.1, 0.9, (2, touches, 2))  # (touch, x or y)
+        end = end if moves else start
+        places = start + (end - start) * along
+        near = [
+            (np.abs(places[:, i] - places[:, j]) < apart).all(axis=1).any() for i in range(touches) for j in range(i)
+        ]
+        if not any(near) and (not moves or (np.abs(end - start).max(axis=1) >= 0.5).all()):
+            return [tuple(ends) for ends in np.hstack([start, end]).tolist()]

@@ -58,6 +58,7 @@ Count = Annotated[int, Field(ge=1, le=1_000_000)]
 CountOrNone = Annotated[int, Field(ge=0, le=1_000_000)]
 Frames = Annotated[int, Field(ge=1, le=10_000)]
 Width = Annotated[int, Field(ge=1, le=8192)]  # units of a layer
+Widths = Annotated[list[Width], Field(max_length=100)]  # of layers, of which there may be none
 Seed = Annotated[int, Field(ge=0, le=2**15 - 1)]  # predictions keep seeds in 16 bits
 SceneNumber = Annotated[int, Field(ge=0, le=2**31)]
 Specimens = Annotated[int, Field(ge=1, le=1000)]

@@ -1,6 +1,6 @@
 """Settings of touch: presses on an array of pressure-sensitive elements (LoMP paper)."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -63,6 +63,9 @@ class Demonstrations(Block):
     """The three demonstrations of section IV-E: three touches, two sliding touches, a rolled tape."""
 
     repetitions: Count = Field(description="How often each is shown")
+    places: Literal["paper", "random"] = Field(
+        default="paper", description="Where they are: as in the paper's pictures, or each time somewhere else"
+    )
 
 
 class Pressure(Block):
