@@ -83,7 +83,8 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
                 notes += [f"{recording.name}: {sentence}" for sentence in predicted.notes]
                 names.append(recording.name)
                 if not given.no_pictures and len(names) <= MOST_PICTURES:
-                    _draw(draft, recording, predicted.values, predictions.file_names(names)[-1], card)
+                    of_log_card = of_log.card if scored.get("scores") else None
+                    _draw(draft, recording, predicted.values, predictions.file_names(names)[-1], card, of_log_card)
         notes = beside.said + notes
         print(*notes[:MOST_LINES], sep="\n", end="\n" * bool(notes))
         _print(draft, summaries, intervals.sentences(card))
@@ -205,15 +206,20 @@ def _asked(given: argparse.Namespace, experiment: str, model: Mapping) -> tuple[
     return place, dict(zip(names, logs, strict=True)), target
 
 
-def _draw(folder: Path, recording, values, name: str, card) -> None:
-    """Draw a recording where it has a prediction; name: of the files, without suffix."""
-    from pipeline.inference import pictures
+def _draw(folder: Path, recording, values, name: str, card, scored_as) -> None:
+    """Draw a recording where it has a prediction; name: of the files, without suffix.
+
+    scored_as: the card by whose settings its truth was read, None where there is no score.
+    """
+    from pipeline.inference import pictures, recordings
 
     if not len(values) or (values != values).all():
         return
-    pictures.draw(folder / f"{name}.png", recording, values, card)
-    if card.outputs.touch_kpa is not None:
-        pictures.animate(folder / f"{name}.gif", recording, values, card)
+    maps = card.outputs.touch_kpa is not None
+    tips = recordings.tips(recording, scored_as) if maps and scored_as else None
+    pictures.draw(folder / f"{name}.png", recording, values, card, tips)
+    if maps:
+        pictures.animate(folder / f"{name}.gif", recording, values, card, tips)
 
 
 def outside(said: Mapping) -> list[str]:
@@ -244,6 +250,8 @@ def sentence(said: Mapping, unit: str = "") -> str:
     if reason := said.get("not_scored"):
         parts.append(reason if reason in base_cards.NO_TEST else "not scored, for the reason below")
     words = ", ".join([*parts, *_first_two(said.get("scores"))])
+    if (said.get("scores") or {}).get("touches_found") is not None:
+        words += f", all tips seen in {100 * said['scores']['touches_found']:.0f} % of the windows that are pressed"
     if test := said.get("held_out_of"):
         words += f"; held out ({test})"
     if held_out := said.get("held_out"):

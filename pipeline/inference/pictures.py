@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from pipeline.inference import touches
 from pipeline.inference.card import Card
-from pipeline.inference.recordings import Recording
+from pipeline.inference.recordings import Recording, Tips
 from pipeline.reporting.figures import style
 
 plt = style.plt
@@ -18,13 +18,17 @@ FRAMES_PER_S = 10
 LONGEST_S = 12  # of an animation
 CELL = 12  # pixels of a map's cell in the animation
 SHADES = 128  # of readings, from white to black, and of maps
+RING = 11  # radius in pixels, in the animation
 
 
-def draw(path: Path, recording: Recording, predicted: np.ndarray, card: Card) -> None:
-    """Draw the predictions of one recording, (n, *output_shape), over time; of maps also the hardest moments."""
+def draw(path: Path, recording: Recording, predicted: np.ndarray, card: Card, tips: Tips | None = None) -> None:
+    """Draw the predictions of one recording, (n, *output_shape), over time; of maps also the hardest moments.
+
+    tips: the truth, where it is known; it is drawn into pictures of maps.
+    """
     time = recording.t_s - recording.t_s[0]
     if card.kind == "windows" and card.outputs.touch_kpa is not None:
-        _draw_maps(path, recording, time, predicted, card)
+        _draw_maps(path, recording, time, predicted, card, tips)
         return
     figure, ax = plt.subplots(figsize=(8, 3))
     flat = predicted.reshape(len(predicted), -1)
@@ -46,19 +50,26 @@ def draw(path: Path, recording: Recording, predicted: np.ndarray, card: Card) ->
     style.save(figure, path)
 
 
-def _draw_maps(path: Path, recording: Recording, time: np.ndarray, maps: np.ndarray, card: Card) -> None:
+def _draw_maps(
+    path: Path, recording: Recording, time: np.ndarray, maps: np.ndarray, card: Card, tips: Tips | None
+) -> None:
     """Draw force over time, and readings and maps of the hardest moments, which lie apart."""
     force = touches.force_n(maps, card)
     moments = hardest(force, max(1, len(maps) // (3 * MOMENTS)))
     figure = plt.figure(figsize=(9, 6.2))
     grid = figure.add_gridspec(3, MOMENTS, height_ratios=(1.1, 1, 1.25))
     ax = figure.add_subplot(grid[0, :])
-    ax.plot(time, force, color=style.BLUE, linewidth=1)
+    ax.plot(time, force, color=style.BLUE, linewidth=1, label="map")
+    if tips:
+        pressed = np.where(tips.known, np.nansum(tips.force_n, axis=1), np.nan)
+        ax.plot(time, pressed, color=style.BLACK, linewidth=1, linestyle="--", label="load cells")
+        ax.legend(loc="upper right")
     for number, k in enumerate(moments):
         ax.axvline(time[k], color=style.GREY, linewidth=0.8, linestyle=":")
         ax.annotate(f" {number + 1}", (time[k], 1), xycoords=("data", "axes fraction"), va="top")
     ax.set(xlabel="Time (s)", ylabel="Force (N)")
-    ax.set_title(style.literal(f"{recording.name}, predicted by {style.model_name(card.model)}"))
+    legend = "; rings: tips, crosses: touches that are found" if tips else ""
+    ax.set_title(style.literal(f"{recording.name}, predicted by {style.model_name(card.model)}{legend}"))
     sensor = card.reading["sensor"]
     extent = (0, sensor["cols"] * sensor["pitch_mm"], 0, sensor["rows"] * sensor["pitch_mm"])
     of_moments = touches.touches(maps[moments], card)
@@ -74,8 +85,12 @@ def _draw_maps(path: Path, recording: Recording, time: np.ndarray, maps: np.ndar
         image = below.imshow(maps[k], origin="lower", extent=extent, cmap="viridis", vmin=0, vmax=highest)
         for touch in of_map:
             below.plot(touch.x_mm, touch.y_mm, "+", color="white", markersize=9)
+        pressed = places(tips, k)
+        for x_mm, y_mm in pressed:
+            below.plot(x_mm, y_mm, "o", markerfacecolor="none", markeredgecolor="white", markersize=15)
         hardest_kpa = f", {of_map[0].kpa:.0f} kPa" if of_map else ""
-        below.set_title(f"{len(of_map)} {'touch' if len(of_map) == 1 else 'touches'}{hardest_kpa}")
+        shown = f"{len(of_map)} touch{'es' * (len(of_map) != 1)}" + (f" of {len(pressed)}" if tips else "")
+        below.set_title(f"{shown}{hardest_kpa}")
         for ax_ in (above, below):
             ax_.grid(False)
         below.set_xlabel("x (mm)")
@@ -85,6 +100,14 @@ def _draw_maps(path: Path, recording: Recording, time: np.ndarray, maps: np.ndar
         axes.append(below)
     figure.colorbar(image, ax=axes, label="Pressure (kPa)", shrink=0.8)
     style.save(figure, path)
+
+
+def places(tips: Tips | None, k: int) -> list[tuple[float, float]]:
+    """Return x and y (mm) of the tips that press at reading k; none where the truth is not known."""
+    if tips is None:
+        return []
+    at = ~np.isnan(tips.force_n[k])
+    return list(zip(tips.x_mm[k, at].tolist(), tips.y_mm[k, at].tolist(), strict=True))
 
 
 def hardest(force: np.ndarray, apart: int) -> np.ndarray:
@@ -97,8 +120,11 @@ def hardest(force: np.ndarray, apart: int) -> np.ndarray:
     return np.sort(np.array(chosen, int))
 
 
-def animate(path: Path, recording: Recording, maps: np.ndarray, card: Card) -> None:
-    """Write a GIF of readings and maps side by side, around the hardest moment, at the speed of the recording."""
+def animate(path: Path, recording: Recording, maps: np.ndarray, card: Card, tips: Tips | None = None) -> None:
+    """Write a GIF of readings and maps side by side, around the hardest moment, at the speed of the recording.
+
+    tips: the truth, where it is known: rings in the map.
+    """
     known = np.flatnonzero(~np.isnan(maps).any(axis=(1, 2)))
     force = touches.force_n(maps, card)[known]
     middle = recording.t_s[known[force.argmax()]]
@@ -124,7 +150,12 @@ def animate(path: Path, recording: Recording, maps: np.ndarray, card: Card) -> N
         said = f"{recording.t_s[k] - recording.t_s[0]:6.1f} s   " + "   ".join(
             f"{touch.kpa:.0f} kPa" for touch in of_map
         )
-        ImageDraw.Draw(picture).text((4, height + 5), said, fill=SHADES - 1)
+        pen = ImageDraw.Draw(picture)
+        pen.text((4, height + 5), said, fill=SHADES - 1)
+        for x_mm, y_mm in places(tips, k):
+            x = width + 12 + x_mm / (sensor["cols"] * sensor["pitch_mm"]) * width
+            y = height - y_mm / (sensor["rows"] * sensor["pitch_mm"]) * height
+            pen.ellipse((x - RING, y - RING, x + RING, y + RING), outline=0, width=2)
         picture.putpalette(palette.tobytes())
         images.append(picture)
     images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_S, loop=0, optimize=True)

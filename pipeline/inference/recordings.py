@@ -298,6 +298,38 @@ def scored(model: Predictor, recording: Recording) -> dict:
     return found | {"held_out_of": test} if parts else found
 
 
+class Tips(NamedTuple):
+    """Where a touch sensor was pressed, at the n readings of a recording; NaN: by no tip, or nobody knows."""
+
+    known: np.ndarray  # (n,) bool: of the readings with a ground truth
+    force_n: np.ndarray  # (n, tips), on the load cells
+    x_mm: np.ndarray  # (n, tips), from the array's lower left corner
+    y_mm: np.ndarray
+
+
+def tips(recording: Recording, card: Card) -> Tips | None:
+    """Return the ground truth beside the log of a touch sensor of several elements, None where there is none.
+
+    Errors as the experiment's read_recording.
+    """
+    if card.kind != "windows" or not log_name(card.experiment) or not has_truth(recording, card):
+        return None
+    frames, _, _ = experiments.module(card.experiment).read_recording(recording.path.parent, card.reading)
+    force, x_mm, y_mm = (schemas.matrix(frames[name]) for name in ("force_n", "x_mm", "y_mm"))
+    rows, numbered = [], enumerate(recording.x)  # frames, on the load cell's clock, are these readings in their order
+    for reading in schemas.matrix(frames["v"]):
+        rows += [next((k for k, values in numbered if (values == reading).all()), len(recording.x))]
+    if rows[-1] == len(recording.x):  # they are not
+        return None
+    known = np.zeros(len(recording.x), bool)
+    known[rows] = True
+    pressed = force > card.reading["window"]["contact_threshold_n"]
+    columns = [np.full((len(known), force.shape[1]), np.nan) for _ in range(3)]
+    for column, values in zip(columns, (force, x_mm, y_mm), strict=True):
+        column[rows] = np.where(pressed, values, np.nan)
+    return Tips(known, *columns)
+
+
 def unknown(card: Card) -> str:
     """Say what nobody knows of the logs that a model was trained on; empty where its card has them."""
     if card.logs is not None:

@@ -98,6 +98,9 @@ class TorchRegressor:
         Differs from paper: it gives no number of epochs, no stopping rule and one learning rate, 1e-3; here each
         network has a set number of epochs and its own highest rate, to which the rate rises over a tenth of the updates
         and from which it falls to zero; and an epoch sees only a share of the windows without a touch.
+        Differs from paper: it names Adam and no more; here the second beta is 0.95, last layers start at zero, products
+        of the simulated array's networks are in bfloat16, and the weights kept are those of the epoch with the lowest
+        validation loss.
         """
         check_windows(self.spec, train, "training")
         check_windows(self.spec, validation, "validation")

@@ -44,6 +44,8 @@ def build(
     Differs from paper: left open there and chosen here on validation windows: 4 neighbours, alpha 1, batches of
     32, zero state at the start of a window, loss on the last frame. An alpha of 1 is no discount, as the paper calls
     it; lower ones had higher errors.
+    Differs from paper: P starts near the identity, which the paper does not say. `start: drawn` starts it as all other
+    weights; the variants have its error.
     """
     return WindowLomp(maker(spec, hidden, readout, neighbours, alpha, drawn=start == "drawn"), spec, training)
 

@@ -25,9 +25,7 @@ class Settings(Block):
     training: WindowTraining = Field(description="How it is trained")
 
 
-def build(
-    spec: Spec, *, layers: int, hidden: int, readout: Sequence[int], training: WindowTraining
-) -> TorchRegressor:
+def build(spec: Spec, *, layers: int, hidden: int, readout: Sequence[int], training: WindowTraining) -> TorchRegressor:
     """Return the untrained network; LSTM 2 x 128 on (8, 25) and linear 128-512-400 are 482,704 parameters.
 
     Differs from paper: kind and sizes are "as in previous research"; here an LSTM of two layers of 128 and a hidden

@@ -37,11 +37,12 @@ def build(
 
     Channels 64, 128, 256, 512, 512 on 5x5 and linear 512-400 are 14,926,992 parameters.
 
-    Differs from paper: one linear layer instead of VGG-16's three (there are 512 features, not 25,088), and
-    pools that round up, without which 5x5 elements would not survive five of them.
+    Differs from paper: pools round up, without which 5x5 elements would not survive five of them, so that 512 features
+    are left, not 25,088.
 
-    Differs from paper: batch normalisation follows every convolution, as in the later VGG-16 with it (Simonyan and
-    Zisserman 2015 had none): without it 13 layers were still learning after 16 epochs.
+    Differs from paper: in the tables one linear layer in place of VGG-16's three, and batch normalisation after every
+    convolution, as in the later VGG-16 with it. As Simonyan and Zisserman (2015) have it, without normalisation and
+    with two layers of 4096, it is a row of the variants.
 
     Raises InputError unless `channels` has one width per stage.
     """

@@ -1,7 +1,8 @@
 """Answer the question of each paper: its printed numbers beside ours, and findings in words, each with its verdict.
 
-The answers stand in README.md, between two markers, and on the first screen of the page. What is compared and the words
-of the findings are in content.yaml; a number that the evidence does not have yet is said to be missing.
+The answers stand in README.md, in short and at length, each between two markers, and on the first screen of the page.
+What is compared and the words of the findings are in content.yaml; a number that the evidence does not have yet is said
+to be missing.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,13 +26,17 @@ from pipeline.reporting.tables import Table
 from pipeline.reporting.words import templates
 from pipeline.reporting.words.labels import capitalised, model_name
 from pipeline.reporting.words.markdown import interval, number
-from pipeline.scoring import published, shown
+from pipeline.scoring import published, shards, shown
 from pipeline.scoring.claim_inputs import FULL, LOOK
 from pipeline.scoring.one_table import Results
 from pipeline.scoring.results import LOG, SHARE, Estimate, estimate, scale_of
 
 CHART = "answers.png"  # in reports/
-MARKS = ("<!-- answers: written by `python -m pipeline.stages.page` -->", "<!-- end of answers -->")
+BLOCKS = {
+    name: (f"<!-- {name}: written by `python -m pipeline.stages.page` -->", f"<!-- end of {name} -->")
+    for name in ("summary", "answers")
+}
+HOLDS = {rules.REPRODUCED: "Yes", rules.CONTRADICTED: "No", rules.UNDECIDED: "Open"}  # as of what a paper asserts
 BEYOND = "beyond the paper"  # in place of a verdict, where a finding is about no claim of the paper
 NOT_COMPUTED = "not computed yet"
 TOOLS = ("estimate", "printed", "ranked", "pooled", "failures", "side", "drifting")  # of _Scores, for the findings
@@ -49,12 +54,15 @@ class Answer(NamedTuple):
     """What is said of one paper.
 
     origins: for each cell of `table` where its shards are listed, from reports/, empty for what is no number of ours;
-    heading, points: of its panel of the chart; counts: data -> verdict -> claims.
+    asked, short: its question and answer in a line; heading, points: of its panel of the chart; counts: data -> verdict
+    -> claims.
     """
 
     paper: str
     title: str
     question: str
+    asked: str
+    short: str
     basis: str
     table: Table
     origins: list[list[str]]
@@ -98,21 +106,39 @@ def answers(
     ]
 
 
-def write_readme(workspace: Workspace, found: list[Answer]) -> None:
+def write_readme(workspace: Workspace, found: list[Answer], claims: pd.DataFrame) -> None:
     """Write these answers between the markers of README.md, if there is one. Raises InputError where it lacks them.
 
-    DVC is not told of README.md: it deletes what it is told of.
+    claims: as of `answers`. DVC is not told of README.md: it deletes what it is told of.
     """
     if not (path := workspace.root / "README.md").exists():
         return
-    before, start, rest = (text := path.read_text(encoding="utf-8")).partition(MARKS[0])
-    _, end, after = rest.partition(MARKS[1])
-    if not end:
-        raise InputError(f"README.md: the line '{MARKS[1] if start else MARKS[0]}' is missing; put it back")
     tables = [one.linked(lambda text, place: f"[{text}](reports/{place})") for one in found]
-    block = templates.render("answers", answers=zip(found, tables, strict=True), chart=f"reports/{CHART}")
-    if (now := f"{before}{start}\n\n{block}\n{end}{after}") != text:
+    index = shards.table(shards.folder(workspace) / "index.csv", shards.INDEX)
+    rendered = {
+        "summary": templates.render(
+            "summary", answers=found, **_totals(claims), shards=len(index), core_s=index["core_s"].astype(float).sum()
+        ),
+        "answers": templates.render("answers", answers=zip(found, tables, strict=True), chart=f"reports/{CHART}"),
+    }
+    now = text = path.read_text(encoding="utf-8")
+    for name, (start, end) in BLOCKS.items():
+        before, at, rest = now.partition(start)
+        _, ended, after = rest.partition(end)
+        if not ended:
+            raise InputError(f"README.md: the line '{end if at else start}' is missing; put it back")
+        now = f"{before}{at}\n\n{rendered[name]}\n{ended}{after}"
+    if now != text:
         files.write_text(path, now)
+
+
+def _totals(claims: pd.DataFrame) -> dict:
+    """Return how many claims count, and verdict -> how many of them have it."""
+    counted = claim_text.counted(claims)
+    return {
+        "total": len(counted),
+        "counts": {verdict: int((counted["verdict"] == verdict).sum()) for verdict in VERDICTS},
+    }
 
 
 def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results: Results, values: Mapping) -> Answer:
@@ -124,6 +150,8 @@ def _answer(paper: entries.Paper, asked: Mapping, claims: pd.DataFrame, results:
         paper=paper.key,
         title=paper.title,
         question=asked["question"],
+        asked=asked["asked"],
+        short=_written(scores, asked["short"], own) or f"{NOT_COMPUTED.capitalize()}.",
         basis=basis,
         table=table,
         origins=places,
@@ -239,12 +267,12 @@ def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, 
                 row.append(NOT_COMPUTED)
                 places[model].append("")
             if judged:
-                row.append(own["verdict"].get(asked.get("same", {}).get(place, place), "-"))
+                row.append(_verdict(own, asked.get("same", {}).get(place, place)))
                 places[model].append("")
     mean = "geometric mean" if scale_of(scores.metric) == LOG else "mean"
     words = [f"{capitalised(paper.printed)} in {asked['unit']}."]
     words += [
-        f"Ours: {split}, {_span(seeds)}, budget {' and '.join(sorted(at)) or 'none'}, {mean} [95 % interval]."
+        f"Ours: {split}{_part(at)}; {mean}s of {_span(seeds).replace('seed', 'training')} [95 % intervals]."
         for split, at in said.items()
     ]
     alone = columns[-1].own
@@ -253,6 +281,20 @@ def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, 
     heading = f"{', '.join(said)}\n{_span(seeds)}" if said else NOT_COMPUTED
     basis = " ".join([*words, asked.get("note", "")]).strip()
     return Table(header, list(cells.values())), list(places.values()), heading, points, basis
+
+
+def _verdict(own: pd.DataFrame, claim: str) -> str:
+    """Return the verdict on a number, `-` where there is none; of one that is off also the side; own: claims by id."""
+    if claim not in own.index:
+        return "-"
+    row = own.loc[claim]
+    sides = {-1: ", lower", 1: ", higher"} if row["verdict"] == rules.OFF else {}
+    return row["verdict"] + sides.get(int(np.sign(np.nan_to_num(row["ours"] - row["published"]))), "")
+
+
+def _part(budgets: set[str]) -> str:
+    """Return how much of the trainings the table's numbers are of, where it is not all of them."""
+    return "" if budgets <= {FULL} else f", budget {' and '.join(sorted(budgets))}"
 
 
 def _span(counts: set[int]) -> str:
@@ -266,6 +308,15 @@ def _finding(scores: _Scores, asked: Mapping[str, str], own: pd.DataFrame) -> Fi
     if name and name not in own.index:
         return Finding(asked.get("absent", f"{NOT_COMPUTED.capitalize()}."), BEYOND, "")
 
+    text = _written(scores, asked["text"], own)
+    text = text or asked.get("absent") or f"{NOT_COMPUTED.capitalize()}: {own.loc[name, 'claim']}"
+    verdict = own.loc[name, "verdict"] if name else rules.BEYOND
+    return Finding(text, BEYOND if verdict == rules.BEYOND else verdict, name)
+
+
+def _written(scores: _Scores, text: str, own: pd.DataFrame) -> str:
+    """Return a text of content.yaml with its numbers, empty where the evidence lacks one; own: claims by id."""
+
     def claim(key: str) -> pd.Series:
         if key not in own.index or np.isnan(own.loc[key, "ours"]):
             raise Absent
@@ -274,9 +325,8 @@ def _finding(scores: _Scores, asked: Mapping[str, str], own: pd.DataFrame) -> Fi
     environment = Environment(undefined=StrictUndefined)  # it is escaped where it becomes HTML
     environment.filters |= {"number": number, "interval": interval, "model_name": model_name}
     environment.globals |= {key: getattr(scores, key) for key in TOOLS} | {"claim": claim}
+    environment.globals["holds"] = lambda key: HOLDS[claim(key)["verdict"]]
     try:
-        text = " ".join(environment.from_string(asked["text"]).render().split())
+        return " ".join(environment.from_string(text).render().split())
     except Absent:
-        text = asked.get("absent") or f"{NOT_COMPUTED.capitalize()}: {own.loc[name, 'claim']}"
-    verdict = own.loc[name, "verdict"] if name else rules.BEYOND
-    return Finding(text, BEYOND if verdict == rules.BEYOND else verdict, name)
+        return ""

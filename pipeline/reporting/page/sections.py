@@ -64,7 +64,7 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     results = one_table.results(workspace, own)
     found = answers.answers(workspace, judged, results, content, values)
     ratios.chart(workspace.reports / answers.CHART, {one.heading: one.points for one in found}, BAND)
-    answers.write_readme(workspace, found)
+    answers.write_readme(workspace, found, judged)
     files.write_text(workspace.reports / origins.FILE, origins.document(workspace, results))
     papers = entries.papers(workspace)
     simulated = {key: (paper.simulated, paper.title) for key, paper in papers.items() if paper.simulated in speeds}

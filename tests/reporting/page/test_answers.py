@@ -64,12 +64,7 @@ def test_a_table_and_findings_say_the_evidence(reported):
     touch, strain, _ = answers.answers(reported, judged(**verdicts), results, CONTENT, VALUES)
     (row,) = (row for row in touch.table.rows if row[0] == "LoMP")
     assert row[4] == "7.49" and row[5].startswith("8.26 [") and row[6] == "near"
-    assert (
-        "random windows" in touch.basis
-        and "3 seeds" in touch.basis
-        and "geometric mean [95 % interval]" in touch.basis
-        and "budget full" in touch.basis
-    )
+    assert "random windows, the paper's split; geometric means of 3 trainings [95 % intervals]." in touch.basis
     best, array, messages, beyond = touch.findings
     assert best.verdict == "reproduced" and "8.3 kPa" in best.text and "ConvLSTM, has 10.0 kPa" in best.text
     assert "less often than LoMP" in beyond.text and "1.7 times LoMP's error" in beyond.text
@@ -115,7 +110,10 @@ def test_readme_says_what_the_committed_reports_give(reported):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     found = answers.answers(workspace, claims.read(workspace), results, CONTENT, VALUES)
     (reported.root / "README.md").write_text(text, encoding="utf-8")
-    answers.write_readme(reported, found)
+    evidence = reported.root / "evidence"
+    evidence.mkdir(exist_ok=True)
+    (evidence / "index.csv").write_bytes((ROOT / "evidence" / "index.csv").read_bytes())
+    answers.write_readme(reported, found, claims.read(workspace))
     assert (reported.root / "README.md").read_text(encoding="utf-8") == text, "run `python -m pipeline.stages.page`"
     assert len(found) == 3 and len(text.splitlines()) <= 140
     listed = (ROOT / "reports" / origins.FILE).read_text(encoding="utf-8")
@@ -165,12 +163,45 @@ def test_a_heading_is_addressed_as_code_hosts_do(protocol, variant, wanted):
 
 
 def test_readme_needs_its_markers(reported):
-    answers.write_readme(reported, [])
-    assert not (reported.root / "README.md").exists(), "a workspace may have none"
-    (reported.root / "README.md").write_text(f"# Mine\n{answers.MARKS[0]}\nold\n{answers.MARKS[1]}\nkept\n")
-    answers.write_readme(reported, [])
-    text = (reported.root / "README.md").read_text()
-    assert "old" not in text and text.startswith("# Mine\n") and text.endswith(f"{answers.MARKS[1]}\nkept\n")
-    (reported.root / "README.md").write_text("# Mine\n")
-    with pytest.raises(InputError, match="answers: written by"):
-        answers.write_readme(reported, [])
+    path, ((start, end), (further, last)) = reported.root / "README.md", answers.BLOCKS.values()
+    answers.write_readme(reported, [], judged())
+    assert not path.exists(), "a workspace may have none"
+    path.write_text(f"# Mine\n{start}\nold\n{end}\nkept\n{further}\nold\n{last}\nkept\n")
+    answers.write_readme(reported, [], judged())
+    text = path.read_text()
+    assert "old" not in text and text.startswith("# Mine\n") and text.endswith(f"{last}\nkept\n")
+    assert f"{end}\nkept\n{further}" in text
+    for lines, wanted in ((f"{start}\n{end}\n", "answers: written by"), (f"{start}\n", "end of summary")):
+        path.write_text(lines)
+        with pytest.raises(InputError, match=wanted):
+            answers.write_readme(reported, [], judged())
+
+
+def test_the_summary_counts_every_claim_once_and_says_what_holds(reported):
+    """A question is answered by the verdict of its claim, and one without numbers says so."""
+    own = judged(**{"lomp/lomp-best-double": "reproduced"})
+    table = pd.concat([of_touch(FULL).table, made_array.table()], ignore_index=True)
+    results = one_table.Results(table.reindex(columns=[*COLUMNS, one_table.WHOLE]))
+    own.loc[own["id"] == "lomp/lomp-best-double", "ours"] = 1.0
+    touch, strain, _ = answers.answers(reported, own, results, CONTENT, VALUES)
+    assert touch.short.startswith(
+        "**Yes.** Its error on two touches is 8.0 kPa (paper 7.5), that of the next best model 10.0"
+    )
+    assert strain.short == "Not computed yet."
+    start, end = answers.BLOCKS["summary"]
+    (reported.root / "README.md").write_text("\n".join(line for at in answers.BLOCKS.values() for line in at))
+    answers.write_readme(reported, [touch, strain], own)
+    text = (reported.root / "README.md").read_text().partition(start)[2].partition(end)[0]
+    assert (
+        f"Of {len(own)} claims that count, 1 sentences are reproduced" in text
+        and f"{len(own) - 1} are undecided" in text
+    )
+
+
+def test_a_number_that_is_off_says_on_which_side(reported):
+    """LoMP's ratio is judged, so that the side is that of the ratio."""
+    own = judged(**{"lomp/rmse-double-lomp": "off"})
+    for ours, wanted in ((0.2, "off, lower"), (0.7, "off, higher")):
+        own.loc[own["id"] == "lomp/rmse-double-lomp", "ours"] = ours
+        touch, *_ = answers.answers(reported, own, of_touch(FULL), CONTENT, VALUES)
+        assert next(row for row in touch.table.rows if row[0] == "LoMP")[6] == wanted
