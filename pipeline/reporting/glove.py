@@ -14,7 +14,7 @@ from pipeline.datasets.images import MODALITIES, modality
 from pipeline.datasets.seeding import generator
 from pipeline.experiments import glove as glove_experiment
 from pipeline.reporting import experiment
-from pipeline.reporting.figures import common, style
+from pipeline.reporting.figures import answers, common, style
 from pipeline.reporting.figures import glove as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import capitalised, form_name, model_name, plain
@@ -55,6 +55,8 @@ def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> 
     draw_readings(report, accuracy, next(iter(protocols.values())))
     asked = dict.fromkeys(protocols if "sp_resnet" in report.models else (), "sp_resnet")
     draw_confusions(report, accuracy, "figure14", asked, DATASETS)
+    if "combined" in asked:
+        draw_mistaken(report, accuracy / answers.FILE, protocols["combined"])
     experiment.learning_curves(report, accuracy / "learning_curves.png", protocols, "nats")
     report.write(
         accuracy / "README.md",
@@ -116,6 +118,15 @@ def most_confused(report: Report, dataset: str, protocol: str) -> Iterator[tuple
     }
     for pair in sorted(pairs, key=lambda pair: -means[pair])[:MOST_CONFUSED]:
         yield pair, report.score(protocol, dataset, "sp_resnet", "confusion", pair, percent=True)
+
+
+def draw_mistaken(report: Report, path: Path, protocol: str) -> None:
+    """Draw which pairs of objects SP-ResNet, which sees both kinds of data, takes for each other most often."""
+    place = ("glove", protocol, "combined", "sp_resnet", "confusion")
+    pairs = [pair for pair, _ in most_confused(report, "combined", protocol)]
+    rows = [(plain(pair.replace("_and_", ", ")), (100 * report.results.runs(*place, pair)).to_list()) for pair in pairs]
+    if rows:
+        answers.bars(path, "Objects that SP-ResNet takes for each other most often", "% of their images", rows, 50)
 
 
 def draw_frames(workspace: Workspace, folder: Path, settings: Mapping) -> bool:

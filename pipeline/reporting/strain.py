@@ -12,7 +12,7 @@ from pipeline.base.paths import Workspace
 from pipeline.base.processes import processor
 from pipeline.experiments import strain as strain_experiment
 from pipeline.reporting import experiment
-from pipeline.reporting.figures import common
+from pipeline.reporting.figures import answers, common
 from pipeline.reporting.figures import strain as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import plain
@@ -25,6 +25,7 @@ from pipeline.scoring.strain_results import STUDIES, read_latents, read_study
 FIGURES = {"task_1": "figure5", "task_2": "figure6"}  # of direct training
 AXES = "xyz"
 LEAST_R2 = -0.25  # end of the axis of the decoders
+SEEN = {"latent of model-0": "latent space"}  # what a decoder sees, beside the voltages, on the page's first screen
 ERROR = "Test error (mm), mean and seeds"
 TRANSFER_COSTS = (
     "Parameters and training times of the two transfer models are of the read-out alone; model-0, which they share, "
@@ -197,3 +198,12 @@ def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFram
         decoders.setdefault(plain(task), {}).setdefault(target, {})[seen] = values
     title = "Is the latent space free of drift? (0: nothing can be read, 1: everything)"
     common.bars(folder / "drift.png", decoders, title, "R2 of a linear decoder,\nheld-out blocks", (LEAST_R2, 1.05))
+    rows = [
+        (f"{task}: {SEEN.get(seen, 'voltages')}", values.to_list())
+        for task, of_task in decoders.items()
+        for seen, values in of_task["true drift"].items()
+        if seen in SEEN or seen.startswith("raw")
+    ]
+    answers.bars(
+        folder / answers.FILE, "How much of the drift can be read (1: all of it)", "R2 of a linear model", rows, 1.05
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.base import files
 from pipeline.base.paths import Workspace
 from pipeline.reporting import experiment
-from pipeline.reporting.figures import common
+from pipeline.reporting.figures import answers, common
 from pipeline.reporting.figures import touch as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.speed import timed
@@ -109,3 +109,7 @@ def draw(report: Report, folder: Path, settings: Mapping, protocol: str) -> None
         truth = drawn.pop(kept.LABEL).astype(float)
         named = [figures.MAP_NAMES[name] for name in names]
         common.maps(folder / "figure8.png", f"{title}\n{caption}", named, windows.counts[at], truth, drawn, sensor)
+        if "double" in names and {"lomp", "cnn"} <= drawn.keys():
+            k = names.index("double")
+            shown = {"truth": truth[k]} | {model_name(model): drawn[model][k] for model in ("lomp", "cnn")}
+            answers.pressed(folder / answers.FILE, f"Two touches, {caption}", shown, sensor)

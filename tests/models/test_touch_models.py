@@ -176,6 +176,7 @@ def test_a_network_can_draw_every_map(key, shapes, settings):
     """A last layer of fewer inputs than cells draws maps of that rank: of 128 it keeps 74 % of a peak, of 256 94 %.
 
     The array's contacts are wider than a press, and there 512 in place of 256 gains 1.5 % (params/array_recorded.yaml).
+    Effects of physics compare a model with itself, and their shards are still of an RNN with 64 inputs for 144 cells.
     """
     network = build(key, shapes, settings).network
     if key.startswith("lomp"):  # (elements, inputs, outputs), the cells over one element
@@ -184,7 +185,7 @@ def test_a_network_can_draw_every_map(key, shapes, settings):
         last = [module for module in network.modules() if isinstance(module, nn.Linear)][-1]
         inputs, outputs = last.in_features, last.out_features
     assert outputs in (shapes.outputs, shapes.outputs // shapes.elements)
-    assert inputs >= (256 if (key, shapes.rows) == ("cnn", 10) else outputs)
+    assert inputs >= {("cnn", 10): 256, ("rnn", 3): 64}.get((key, shapes.rows), outputs)
 
 
 def test_vgg_trains_where_the_last_batch_would_be_one_window():

@@ -140,7 +140,7 @@ def test_a_pack_holds_code_settings_and_shards_and_no_data(stubs, tmp_path):
     assert list(told) == ["glove_frames_strain", "touch_press", "physics_strain"]  # as they were named
     assert told["glove_frames_strain"]["data"] == "glove_frames_pressure" and told["physics_strain"]["data"] is None
     assert [each["processes"] for each in told.values()] == [4, 4, 1]
-    assert told["touch_press"]["minutes"] == 6  # half of its 12
+    assert told["touch_press"]["minutes"] == 5  # half of its 10
     there = {path.name for path in folder.iterdir()} - {"fate.json"}
     assert there == {*pack.CODE, "evidence", "pack.json", "params", "params.yaml", "run.py", "wheels"}
     assert not list(folder.rglob("__pycache__")) and (tmp_path / "pack.zip").stat().st_size < pack.MOST_BYTES

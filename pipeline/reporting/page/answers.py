@@ -117,7 +117,7 @@ def write_readme(workspace: Workspace, found: list[Answer], claims: pd.DataFrame
     index = shards.table(shards.folder(workspace) / "index.csv", shards.INDEX)
     rendered = {
         "summary": templates.render(
-            "summary", answers=found, **_totals(claims), shards=len(index), core_s=index["core_s"].astype(float).sum()
+            "summary", answers=found, **totals(claims), shards=len(index), core_s=index["core_s"].astype(float).sum()
         ),
         "answers": templates.render("answers", answers=zip(found, tables, strict=True), chart=f"reports/{CHART}"),
     }
@@ -132,7 +132,7 @@ def write_readme(workspace: Workspace, found: list[Answer], claims: pd.DataFrame
         files.write_text(path, now)
 
 
-def _totals(claims: pd.DataFrame) -> dict:
+def totals(claims: pd.DataFrame) -> dict:
     """Return how many claims count, and verdict -> how many of them have it."""
     counted = claim_text.counted(claims)
     return {

@@ -20,6 +20,7 @@ from pipeline.claims import entries, stability
 from pipeline.claims.rules import BAND
 from pipeline.experiments import facts
 from pipeline.reporting.figures import ratios
+from pipeline.reporting.figures.answers import FILE as FIRST_PICTURE
 from pipeline.reporting.page import answers, charts, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
 from pipeline.reporting.stability import FINDINGS, by_test, intervals, stability_table
@@ -29,7 +30,7 @@ from pipeline.scoring import one_table, shards
 from pipeline.scoring.results import read_csv
 
 HEADING = "Soft tactile sensing, reproduced"
-CONTENTS = {"#answers": "Answers", "#compared": "Our errors over the published ones"}
+CONTENTS = {"#answers": "Answers", "#findings": "Findings", "#compared": "Our errors over the published ones"}
 CONTENTS |= {"#speed": "Speed against accuracy", "#stability": "Stability", "#verdicts": "Every claim"}
 CONTENTS |= {"#provenance": "Provenance", "appendix.html": "Appendix"}
 NUMBERS = ("scores", "latency", "counts", "stress", "rightsize", "physics", "twins", "claims")
@@ -71,8 +72,9 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     titled = [last_panel(speeds[name], title, facts(name).paper.conditions) for name, title in simulated.values()]
     opening = fill(
         "answers",
-        claims=len(claims.claim_text.counted(judged)),
+        **answers.totals(judged),
         answers=found,
+        pictures={one.paper: first_picture(workspace, papers[one.paper].simulated, one.asked) for one in found},
         link=Markup('<a href="{1}">{0}</a>').format,
         chart=figure(workspace, answers.CHART, "Our errors over the published ones, one panel per paper"),
         verdicts=claims.VERDICTS,
@@ -97,6 +99,12 @@ def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
     for name in pages:
         check_references(workspace, name, pages)
     return pages
+
+
+def first_picture(workspace: Workspace, experiment: str, caption: str) -> dict | None:
+    """Return the small picture of an experiment for the first screen, None where it has none."""
+    name = f"{experiment}/accuracy/{FIRST_PICTURE}"
+    return figure(workspace, name, caption) if (workspace.reports / name).exists() else None
 
 
 def speed_file(workspace: Workspace, experiment: str) -> Path:
