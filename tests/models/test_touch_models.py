@@ -202,6 +202,26 @@ def test_rbf_with_too_few_windows_is_refused():
         build("rbf", SMALL, SMALL_SETTINGS["rbf"]).fit(part, part, seed=0)
 
 
+def test_vgg_as_it_was_first_published_has_no_normalisation_and_three_linear_layers():
+    model = build("vgg", PAPER, PAPER_SETTINGS["vgg"] | {"batch_norm": False, "hidden": [4096, 4096]})
+    kinds = [type(module) for module in model.network.modules()]
+    assert model.parameters() == 35_234_704 and nn.BatchNorm2d not in kinds and kinds.count(nn.Linear) == 3
+
+
+def test_lomp_starts_near_the_identity_or_as_it_is_drawn():
+    """Without the identity P is no larger than torch draws it; all other weights are the same."""
+    near, drawn = (
+        build("lomp", SMALL, SMALL_SETTINGS["lomp"] | {"start": start}).network for start in ("identity", "drawn")
+    )
+    assert near.update.diagonal(dim1=1, dim2=2).mean() > 0.9 and drawn.update.abs().max() <= 16**-0.5
+    assert ((near.update - drawn.update * 0.1).diagonal(dim1=1, dim2=2) - 1).abs().max() < 1e-6
+    assert all(
+        (one == other).all()
+        for (name, one), other in zip(near.named_parameters(), drawn.parameters(), strict=True)
+        if name != "update"
+    )
+
+
 def test_vgg_with_a_wrong_number_of_stages_is_refused():
     with pytest.raises(InputError, match="channels must give 5 widths"):
         build("vgg", SMALL, SMALL_SETTINGS["vgg"] | {"channels": [8, 8]})

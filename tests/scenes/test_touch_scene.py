@@ -280,3 +280,31 @@ def test_faults_are_where_they_are_said_to_be():
     missing = sum(fault.kind == "missing" for fault in faults)
     duplicated = sum(fault.kind == "duplicated" for fault in faults)
     assert len(written) == len(lines) - missing + duplicated
+
+
+@pytest.mark.parametrize("rows_and_cols", [5, 10, 2])
+def test_demonstrations_in_random_places_keep_apart_and_on_the_array(settings, rows_and_cols):
+    """Two touches are never nearer than two elements, as double touches are; places differ from time to time."""
+    settings["sensor"] |= {"rows": rows_and_cols, "cols": rows_and_cols}
+    scene, side = settings["simulate"], rows_and_cols * settings["sensor"]["pitch_mm"]
+    scene["demonstrations"] = {"repetitions": 6, "places": "random"}
+    made = {
+        one.condition: one.touches for one in touch_motion.demonstration_recordings(scene, settings["sensor"], 5.0)
+    }
+    assert {name: len(touches) for name, touches in made.items()} == {"three": 3, "slide": 2, "tape": 5}
+    for name, touches in made.items():
+        places = np.array([[touch.x_mm, touch.y_mm] for touch in touches])  # (touch, x or y, step)
+        pressed = touches[0].force_n > 0
+        assert places.min() >= 0 and places.max() <= side
+        assert len(np.unique(places[0, 0, pressed].round(6))) > 5, "not always in the same place"
+        if name != "tape":
+            away = min(
+                np.abs(places[i] - places[j]).max(axis=0)[pressed].min() for i in range(len(touches)) for j in range(i)
+            )
+            assert away > 0.99 * min(2 / rows_and_cols, 0.4) * side
+
+
+def test_demonstrations_in_the_papers_places_are_all_alike(settings):
+    scene = settings["simulate"] | {"demonstrations": {"repetitions": 3, "places": "paper"}}
+    three, *_ = touch_motion.demonstration_recordings(scene, settings["sensor"], 5.0)
+    assert [set(touch.x_mm) for touch in three.touches] == [{18.0}, {42.0}, {30.0}]
