@@ -288,9 +288,7 @@ def test_demonstrations_in_random_places_keep_apart_and_on_the_array(settings, r
     settings["sensor"] |= {"rows": rows_and_cols, "cols": rows_and_cols}
     scene, side = settings["simulate"], rows_and_cols * settings["sensor"]["pitch_mm"]
     scene["demonstrations"] = {"repetitions": 6, "places": "random"}
-    made = {
-        one.condition: one.touches for one in touch_motion.demonstration_recordings(scene, settings["sensor"], 5.0)
-    }
+    made = {one.condition: one.touches for one in touch_motion.demonstration_recordings(scene, settings["sensor"], 5.0)}
     assert {name: len(touches) for name, touches in made.items()} == {"three": 3, "slide": 2, "tape": 5}
     for name, touches in made.items():
         places = np.array([[touch.x_mm, touch.y_mm] for touch in touches])  # (touch, x or y, step)

@@ -1,0 +1,35 @@
+"""What the checks before a commit ask of the whole tree: lint, format, spelling, and files that hosts read."""
+
+import subprocess
+import sys
+
+import pytest
+import yaml
+from builders.project import ROOT
+
+CHECKS = (["ruff", "check", "."], ["ruff", "format", "--check", "."], ["codespell_lib"])
+
+
+@pytest.mark.parametrize("command", CHECKS, ids=" ".join)
+def test_the_tree_is_clean(command):
+    done = subprocess.run([sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]
+
+
+def test_the_checks_before_a_commit_are_those_of_the_workflow():
+    """A hook that the workflow lacks, or the other way round, would pass here and fail there."""
+    (local,) = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
+    hooks = {hook["entry"].replace(" --force-exclude", "") for hook in local["hooks"]}
+    steps = yaml.safe_load((ROOT / ".github/workflows/tests.yml").read_text())["jobs"]["style"]["steps"]
+    assert {part.removesuffix(" .") for part in steps[-1]["run"].split(" && ")} == hooks
+    assert hooks == {"ruff check", "ruff format --check", "codespell"}
+
+
+def test_a_workflow_runs_what_this_repository_has():
+    """Commands that name files name files that are there, and every workflow says what it may do."""
+    for path in sorted((ROOT / ".github" / "workflows").glob("*.yml")):
+        workflow = yaml.safe_load(path.read_text())
+        assert workflow["permissions"] == {"contents": "read"}, path
+        runs = [step["run"] for job in workflow["jobs"].values() for step in job["steps"] if "run" in step]
+        named = {word for run in runs for word in run.split() if word in (".ci/run", "constraints.txt")}
+        assert named and all((ROOT / name).is_file() for name in named), path
