@@ -43,6 +43,7 @@ GROUPS = {  # heading of the help -> command -> its module
         "track": "track",
     },
     "Maintain the models": {
+        "add": "add",
         "coverage": "coverage",
         "cards": "cards",
     },

@@ -2,6 +2,7 @@
 an experiment in a module, a file of settings and a row; each is in the report.
 """
 
+import argparse
 import re
 import shutil
 
@@ -11,39 +12,13 @@ import yaml
 from builders import own_logs, stress_rows
 from builders.project import ROOT, Project, copy_code, in_this_process, miniature_settings, run_stage
 
+from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims.rules import REPRODUCED
+from pipeline.commands import add
 from pipeline.scoring import shards
 from pipeline.stages import judge, render_study, shard
 
-CLAIM = """\
-  - id: better-than-linear
-    text: On double touch LoMP errs less than a linear regression does, by {published:.1f} kPa.
-    source: Table I
-    above: double.linear - double.lomp
-    control: {lomp: constant}
-"""
-MODEL = '''\
-"""Build ridge regression from the whole window to the whole map."""
-
-from pydantic import Field
-from sklearn.linear_model import Ridge
-
-from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.spec import Spec
-from pipeline.settings.shared import Block, NotNegative
-
-
-class Settings(Block):
-    """Settings of a model `whole_ridge` in params.yaml."""
-
-    ridge: NotNegative = Field(description="Weight of the squared coefficients")
-
-
-def build(spec: Spec, *, ridge: float) -> SklearnRegressor:
-    """Return the unfitted model."""
-    return SklearnRegressor(lambda seed: Ridge(ridge), spec, count=lambda fitted: fitted.coef_.size, macs=None)
-'''
 VARIANT = "{models: [lstm_direct], protocols: [task_1], set: {strain.models.lstm_direct.units: %d}}"
 STUDY = (
     f"capacity: {{like: strain, seeds: 1, minutes: 1, variants: {{units_3: {VARIANT % 3}, units_5: {VARIANT % 5}}}}}\n"
@@ -61,13 +36,6 @@ from pipeline.experiments.touch import (  # all that `experiments` asks for
 FACTS = replace(touch.FACTS, label="Pads", log=None, paper=None, twin=None)
 '''
 ROW = '    pads: Touch = Field(description="Presses on pads")\n'
-STRESS_TEST = '''
-
-@stress_test("series", unit="share of the range", acts_on="readings")
-def sagging_supply(readings: np.ndarray, severity: float, rng: np.random.Generator, *, span: float) -> np.ndarray:
-    """Take the same share of the range from all elements."""
-    return _same_kind(readings, readings - severity * span)
-'''
 STRESSED = ("simulate", "ingest", "dataset", "train", "evaluate", "stress")
 STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency")
 
@@ -76,10 +44,8 @@ def test_a_claim_of_five_lines_is_judged_in_the_report(workspace, monkeypatch):
     (workspace.root / "evidence").symlink_to(ROOT / "evidence")
     workspace.reports.mkdir(exist_ok=True)
     shutil.copy(ROOT / "reports" / "counts.csv", workspace.reports)
-    file = workspace.root / "claims" / "mine.yaml"
-    file.parent.mkdir()
-    assert len(CLAIM.splitlines()) <= 5
-    file.write_text(f"paper: lomp\nclaims:\n{CLAIM}")
+    add.main(workspace, argparse.Namespace(kind="claim", name="better_than_linear", experiment="touch"))
+    assert len((workspace.root / "claims" / "better_than_linear.yaml").read_text().splitlines()) <= 2 + 5
     run_stage(monkeypatch, workspace, judge)
     row = pd.read_csv(workspace.reports / "claims.csv").set_index("id").loc["lomp/better-than-linear"]
     assert row["verdict"] == REPRODUCED and 0 < row["low"] < row["ours"]
@@ -99,7 +65,8 @@ def test_a_model_of_two_files_is_trained_and_in_the_report(tmp_path):
     """Its file, and its block of settings: no list of models names it."""
     project = Project(tmp_path)
     copy_code(project.folder)
-    (project.folder / "pipeline" / "models" / "whole_ridge.py").write_text(MODEL)
+    project.run("-m", "pipeline.commands.command_line", "add", "model", "whole_ridge")
+    assert "    whole_ridge: {ridge: 1.0}\n" in (project.folder / "params" / "touch.yaml").read_text()
     few = {"touch.simulate.specimens": 1, "touch.protocols.press.seeds": [0]}
     project.set({"touch.models": {"constant": {}, "linear": {}, "whole_ridge": {"ridge": 1.0}}} | few)
     project.stages(*(f"stages.{stage} touch" for stage in STAGES), "stages.render touch look")
@@ -166,8 +133,9 @@ def test_a_stress_test_of_one_function_is_in_the_table_and_in_the_report(tmp_pat
     """The function, and its severities: no list of stress tests names it."""
     project = Project(tmp_path)
     copy_code(project.folder)
-    with open(project.folder / "pipeline" / "stability" / "perturbations.py", "a") as code:
-        code.write(STRESS_TEST)
+    words = ["add", "stress", "sagging_supply", "--experiment", "strain"]
+    project.run("-m", "pipeline.commands.command_line", *words)
+    assert "sagging_supply: [0.1, 0.5]" in (project.folder / "params.yaml").read_text()
     asked = {"protocols": ["task_1"], "usable": {"task_1": 1.0}}
     asked |= {"perturbations": {"sagging_supply": [0.5, 0.1], "noise": [0.1]}, "look": {"noise": 0.1}}
     models = {"constant": {}, "ridge": {"ridge": 1.0}}
@@ -187,3 +155,24 @@ def test_a_stress_test_of_one_function_is_in_the_table_and_in_the_report(tmp_pat
     where = r"\(share of the range\) +\|"
     assert re.search(rf"\| Model +\| Clean \(mm\) +\| Sagging supply {where} Noise {where}", report)
     assert re.search(r"\| Sagging supply +\| +take the same share of the range from all elements +\|.* 0.5 \|", report)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "experiment", "words"),
+    [
+        ("claim", "Mine", "touch", "'Mine' cannot be a name in code"),
+        ("claim", "class", "touch", "'class' cannot be a name in code"),
+        ("model", "linear", "touch", "linear.py: is there already"),
+        ("model", "another", "glove", "glove: the skeleton is of a model of windows"),
+        ("model", "another", "toch", "there is no experiment 'toch'"),
+        ("stress", "noise", "strain", "there is a stress test 'noise'"),
+    ],
+)
+def test_what_cannot_be_added_is_said_and_nothing_is_written(kind, name, experiment, words):
+    with pytest.raises(InputError, match=re.escape(words)):
+        add.main(Workspace(ROOT), argparse.Namespace(kind=kind, name=name, experiment=experiment))
+
+
+def test_code_is_added_to_a_checkout_alone(workspace):
+    with pytest.raises(InputError, match="run the command in one"):
+        add.main(workspace, argparse.Namespace(kind="model", name="another", experiment="touch"))
