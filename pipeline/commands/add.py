@@ -99,7 +99,7 @@ def _model(root: Path, name: str, experiment: str) -> tuple[list[Path], list[str
     changed = _after(settings, ["  models:"], MODEL_SETTINGS.format(name=name))
     files.write_text(code, MODEL.format(name=name))
     files.write_text(settings, changed)
-    return [code, settings], [f"`{CHECK}` holds it to the contract of models; `dvc repro train@{experiment}` trains it"]
+    return [code, settings], [f"`{CHECK}` holds it to the contract of models; `dvc repro` trains it"]
 
 
 def _stress(root: Path, name: str, experiment: str) -> tuple[list[Path], list[str]]:
@@ -111,7 +111,7 @@ def _stress(root: Path, name: str, experiment: str) -> tuple[list[Path], list[st
     changed = _after(settings, within, SEVERITIES.format(name=name))
     files.write_text(code, text + STRESS.format(name=name, kind=experiments.module(experiment).KIND))
     files.write_text(settings, changed)
-    return [code, settings], [f"`{CHECK}` holds it to the contract; `dvc repro stress@{experiment}` computes it here"]
+    return [code, settings], [f"`{CHECK}` holds it to the contract of stress tests; `dvc repro` computes it here"]
 
 
 def _free(path: Path) -> Path:
