@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the model, the source of lines and the places for predictions to the parser of this command."""
     parser.add_argument("model", metavar="MODEL")
     source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument("--port", metavar="PORT", help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3")
+    source.add_argument("--port", metavar="PORT", help="such as /dev/ttyUSB0, COM3, tcp://HOST:PORT or udp://HOST:PORT")
     source.add_argument("--replay", type=Path, metavar="LOG", help="a recorded log of the sensor, such as array.log")
     parser.add_argument(
         "--settings", type=Path, metavar="FOLDER", help="whose settings.yaml says how lines look (replay: found)"

@@ -1,4 +1,4 @@
-"""Record what devices print on serial ports, as it comes.
+"""Record what devices print on serial ports, or send over a network, as it comes.
 
 Bytes are written unchanged, whole lines at a time, so that a file can be read while it grows; what has no line end is
 written after HELD_S, or once it is HELD bytes. If this program is killed, what is held back then is lost; if the
@@ -15,10 +15,14 @@ none later than the moment at which it was read. --start sends a line to the dev
 port was opened, since many boards start anew then and hear nothing while they do; --every repeats it: for devices that
 print when they are asked.
 
+PORT may be a place in a network: tcp://HOST:PORT is a server of the device, udp://HOST:PORT where this computer waits
+for datagrams, each of which ends a line.
+
 Examples:
 
     tactile record /dev/ttyACM0 data/own/finger/bend/run0/daq.log
     tactile record /dev/ttyACM0 array.log /dev/ttyACM1 load_cell.log --baud 115200 9600
+    tactile record tcp://192.168.4.1:23 data/own/finger/single/run0/array.log
 """
 
 import argparse
@@ -35,7 +39,7 @@ from typing import TextIO
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.logs import layout
+from pipeline.logs import layout, network
 
 BAUD = 115200
 ENDS = (b"\n", b"\r")  # of a line
@@ -237,7 +241,8 @@ class Port:
         self._start, self._every_s, self._due = start, every_s or float("inf"), float("inf")
 
         def opened():
-            device = serial.Serial(name, baud, timeout=WAIT_S)
+            networked = network.is_address(name)
+            device = network.NetworkPort(name, WAIT_S) if networked else serial.Serial(name, baud, timeout=WAIT_S)
             if start:
                 self._due = time.monotonic() + after_s
             return device
@@ -247,6 +252,11 @@ class Port:
             self.device = self._open()
         except (OSError, ValueError, OverflowError) as error:  # SerialException is an OSError
             why = os.strerror(error.errno) if getattr(error, "errno", None) else error
+            if network.is_address(name):
+                raise InputError(
+                    f"{name}: cannot be opened ({why}); check address and port, and that the device is on and in this "
+                    "network"
+                ) from error
             there = ", ".join(sorted(port.device for port in list_ports.comports())) or "none"
             raise InputError(
                 f"{name}: cannot be opened ({why}); check the name, the cable and your rights (ports that are there: "
@@ -417,7 +427,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "places",
         nargs="+",
         metavar="PORT FILE",
-        help="such as /dev/ttyUSB0, /dev/tty.usbmodem1 or COM3, and a new file, such as "
+        help="such as /dev/ttyUSB0, /dev/tty.usbmodem1, COM3 or tcp://HOST:PORT, and a new file, such as "
         "data/own/finger/single/run000/array.log",
     )
     parser.add_argument(
@@ -454,7 +464,8 @@ def main(_: Workspace, given: argparse.Namespace) -> None:
     ]
     logs = [Log(path, (lambda: (time.monotonic_ns() - began) // 1000) if given.stamp else None) for path in files]
     for port, baud, log in zip(ports, bauds, logs, strict=True):
-        _say(f"recording {port.name} at {baud} baud to {log.path}; Ctrl-C ends it")
+        rate = "" if network.is_address(port.name) else f" at {baud} baud"
+        _say(f"recording {port.name}{rate} to {log.path}; Ctrl-C ends it")
     record(ports, logs, stop)
     for log in logs:
         say(f"{log.path}: {log.lines} lines", sys.stdout)
