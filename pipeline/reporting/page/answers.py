@@ -39,7 +39,16 @@ BLOCKS = {
 HOLDS = {rules.REPRODUCED: "Yes", rules.CONTRADICTED: "No", rules.UNDECIDED: "Open"}  # as of what a paper asserts
 BEYOND = "beyond the paper"  # in place of a verdict, where a finding is about no claim of the paper
 NOT_COMPUTED = "not computed yet"
-TOOLS = ("estimate", "printed", "ranked", "pooled", "failures", "side", "drifting")  # of _Scores, for the findings
+TOOLS = (
+    "estimate",
+    "printed",
+    "ranked",
+    "pooled",
+    "failures",
+    "side",
+    "paired",
+    "drifting",
+)  # of _Scores, for the findings
 
 
 class Finding(NamedTuple):
@@ -225,6 +234,11 @@ class _Scores:
         places = ((protocol, condition, model, metric) for model in (one, other))
         spread = estimate(np.subtract(*(self.runs(*place) for place in places)).dropna())
         return int(spread.low > 0) - int(spread.high < 0)
+
+    def paired(self, protocol: str, condition: str, model: str, variant: str) -> Estimate:
+        """Return a variant's error over that of the model itself, paired by seed. Raises Absent where there is none."""
+        own, other = (self.runs(protocol, condition, model, variant=name) for name in ("", variant))
+        return estimate((other / own).dropna(), LOG)
 
     def drifting(self, model: str) -> str:
         """Return a model's rank correlation of strain.rank_correlations. Raises Absent where the evidence has none."""
