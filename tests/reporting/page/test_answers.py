@@ -65,11 +65,12 @@ def test_a_table_and_findings_say_the_evidence(reported):
     (row,) = (row for row in touch.table.rows if row[0] == "LoMP")
     assert row[4] == "7.49" and row[5].startswith("8.26 [") and row[6] == "near"
     assert "random windows, the paper's split; geometric means of 3 trainings [95 % intervals]." in touch.basis
-    best, array, messages, beyond = touch.findings
+    best, array, messages, shift, frames, beyond = touch.findings
     assert best.verdict == "reproduced" and "8.3 kPa" in best.text and "ConvLSTM, has 10.0 kPa" in best.text
     assert "less often than LoMP" in beyond.text and "1.7 times LoMP's error" in beyond.text
     assert array.text == "What LoMP shows of several fingers on a recorded array is not computed yet."
     assert messages.text.startswith("Not computed yet")
+    assert all(one.text.endswith("is not computed yet.") for one in (shift, frames))
     assert "4 of the 6 trainings of streaming LoMP" in beyond.text, "one above the constant model is a failed one"
     assert {at.model for at in touch.points["Two touches"]} == set(CONTENT_MODELS) | {"lomp", "convlstm"}
     assert strain.table.rows[0][1:] == ["0.43", "27.00"] and answers.NOT_COMPUTED in strain.basis
