@@ -319,7 +319,7 @@ def tips(recording: Recording, card: Card) -> Tips | None:
     rows, numbered = [], enumerate(recording.x)  # frames, on the load cell's clock, are these readings in their order
     for reading in schemas.matrix(frames["v"]):
         rows += [next((k for k, values in numbered if (values == reading).all()), len(recording.x))]
-    if rows[-1] == len(recording.x):  # they are not
+    if not rows or rows[-1] == len(recording.x):  # they are not
         return None
     known = np.zeros(len(recording.x), bool)
     known[rows] = True

@@ -308,7 +308,9 @@ def test_browser_shows_a_short_page_with_the_answers_first(tab, first_page):
     tab.open(first_page)
     assert tab.run("document.scrollingElement.scrollHeight") <= 20 * 900
     top = "(selector) => document.querySelector(selector).getBoundingClientRect().top"
-    assert tab.run(f"({top})('.card ul')") < 450, "findings are on the first screen"
+    ends = "[...document.querySelectorAll('.card .short')].map((one) => one.getBoundingClientRect().bottom)"
+    assert len(found := tab.run(ends)) == 3 and max(found) < 700, "all answers are on the first screen"
+    assert tab.run(f"({top})('#findings ul')") < 900, "and the findings begin on it"
     tab.width(390)
     tab.open(first_page)
     assert tab.run(f"({top})('h1')") < 60 and tab.run(f"({top})('nav')") > 700, (
