@@ -30,7 +30,7 @@ def neighbour_matrix(rows: int, cols: int, neighbours: int) -> np.ndarray:
 
 
 def shapes(spec: Spec, hidden: int, readout: list[int], one_readout: bool) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of the weights of `Lomp` by name; settings as of `lomp_network.maker`."""
+    """Return the shapes of the weights of `Lomp` by name; settings as of `lomp_network.Lomp`."""
     cells, block = spec.elements, spec.map_rows // spec.rows * (spec.map_cols // spec.cols)
     found = {
         "gate_input": (cells, 1, 2 * hidden),

@@ -37,7 +37,7 @@ def build(
     start: str,
     training: WindowTraining,
 ) -> "WindowLomp":
-    """Return the untrained network; its settings are those of `lomp_network.maker`.
+    """Return the untrained network; its settings are those of `lomp_network.Lomp`.
 
     Hidden 128 and read-out widths 128, 64 give 2,741,712 parameters and 17.5e6 multiply-accumulates.
     Raises InputError as `maker`.
@@ -47,7 +47,9 @@ def build(
     Differs from paper: P starts near the identity, which the paper does not say. `start: drawn` starts it as all other
     weights; the variants have its error.
     """
-    return WindowLomp(maker(spec, hidden, readout, neighbours, alpha, drawn=start == "drawn"), spec, training)
+    drawn = start == "drawn"
+    make = maker(spec, hidden=hidden, readout=readout, neighbours=neighbours, alpha=alpha, drawn=drawn)
+    return WindowLomp(make, spec, training)
 
 
 class WindowLomp(LompRegressor):

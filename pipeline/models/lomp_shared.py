@@ -36,4 +36,5 @@ def build(
 
     Differs from paper: not in the paper, whose elements each have a read-out of their own.
     """
-    return WindowLomp(maker(spec, hidden, readout, neighbours, alpha, one_readout=True), spec, training)
+    make = maker(spec, hidden=hidden, readout=readout, neighbours=neighbours, alpha=alpha, one_readout=True)
+    return WindowLomp(make, spec, training)

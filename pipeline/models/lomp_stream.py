@@ -59,7 +59,7 @@ def build(
 
     Differs from paper: not in the paper, whose LoMP starts every window from a zero state.
     """
-    make = maker(spec, hidden, readout, neighbours, alpha)
+    make = maker(spec, hidden=hidden, readout=readout, neighbours=neighbours, alpha=alpha)
 
     def with_quiet_messages() -> nn.Module:
         network = make()

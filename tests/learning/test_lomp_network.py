@@ -129,7 +129,9 @@ def test_neighbours_of_corner_edge_and_centre():
 @pytest.mark.parametrize("readout", [[], [7, 5]])
 def test_the_shapes_that_are_told_without_torch_are_those_of_the_network(readout, one_readout):
     spec = Spec(3, 2, 4, 6, 4)
-    made = lomp_network.maker(spec, 11, readout, 4, 1.0, one_readout)().state_dict()
+    made = lomp_network.maker(
+        spec, hidden=11, readout=readout, neighbours=4, alpha=1.0, one_readout=one_readout
+    )().state_dict()
     assert lomp_shape.shapes(spec, 11, readout, one_readout) == {name: tuple(each.shape) for name, each in made.items()}
 
 
