@@ -38,7 +38,7 @@ CASES = {
     "cnn": Case("touch", MAPS, dict(channels=[4], hidden=[8], training=WINDOW_TRAINING)),
     "vgg": Case("touch", MAPS, dict(channels=[16, 16, 32, 32, 32], training=WINDOW_TRAINING)),
     "convlstm": Case("touch", MAPS, dict(filters=3, training=WINDOW_TRAINING)),
-    "rnn": Case("touch", MAPS, dict(layers=2, hidden=8, training=WINDOW_TRAINING)),
+    "rnn": Case("touch", MAPS, dict(layers=2, hidden=8, readout=[7], training=WINDOW_TRAINING)),
     "lomp": Case("touch", MAPS, dict(LOMP, training=WINDOW_TRAINING)),
     "lomp_shared": Case("touch", MAPS, dict(LOMP, training=WINDOW_TRAINING)),
     "lomp_stream": Case("touch", MAPS, dict(LOMP, training=STREAM_TRAINING)),

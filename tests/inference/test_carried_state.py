@@ -46,9 +46,12 @@ def test_windows_of_an_lstm_each_begin_anew_over_all_blocks(tmp_path, monkeypatc
     model, x = predictor.load(random_models.save("rnn", tmp_path)), array(25)
     said, network = model.predict(x), model.model.scaled.network
     assert np.isnan(said[:4]).all()
+    (inner, inner_bias), (outer, bias) = (
+        (layer.weight.detach().numpy(), layer.bias.detach().numpy()) for layer in network.readout[::2]
+    )
     for k in range(4, 25):
         state = lstm(network.lstm, scaled(model, x[[k - 4, k - 2, k]]))[-1]
-        read_out = network.readout.weight.detach().numpy() @ state + network.readout.bias.detach().numpy()
+        read_out = outer @ np.maximum(inner @ state + inner_bias, 0) + bias
         np.testing.assert_allclose(said[k].ravel(), 250 * read_out, rtol=1e-3, atol=0.05)
     assert np.nanmax(np.abs(np.diff(said, axis=0))) > 1
 
