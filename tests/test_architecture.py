@@ -396,3 +396,9 @@ def test_what_shows_that_parts_agree_is_among_the_fast_tests(file):
     used = {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
     used |= {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
     assert not slow and not used & SLOW_FIXTURES, file.name
+
+
+def test_no_two_files_of_tests_have_one_name():
+    """Pytest imports each by its name alone, and runs one of two: which one it was is seen in a fresh clone."""
+    names = [file.name for file in (ROOT / "tests").rglob("test_*.py")]
+    assert len(names) == len(set(names))

@@ -20,6 +20,8 @@ pytestmark = pytest.mark.slow
 
 INSTALL_S = 60  # of the tool alone, on an idle machine: 24 with pip's cache
 CPU_S = {"check bench/pad": 3.0, "sheet bench/pad": 3.0, "demo": 4.0}  # of a command on an idle machine
+LIBRARIES = "import pandas, scipy.stats, matplotlib.pyplot"
+LIBRARIES_S = 1.2  # CPU-s of their import where check takes 3.1; on a slower machine they took 2.1 and check 5.5
 BUSY = 1.5  # times as long where other processes run beside, as tests do: 1.2 of CPU-s, 2 of the installation
 SETTINGS = """
 touch.sensor: {rows: 3, cols: 4, pitch_mm: 10.0, element_mm: 9.0}
@@ -138,11 +140,14 @@ def test_a_device_is_recorded(tactile, empty):
 
 
 def test_commands_of_a_bench_are_quick_and_load_no_torch(tactile, empty):
+    python = tactile.parent / "python"
+    slower = max(1.0, min(run(python, empty, "-c", LIBRARIES)[1] for _ in range(3)) / LIBRARIES_S)
+    print(f"this machine takes {slower:.2f} times as long")
     for words, most in CPU_S.items():
         run(tactile, empty, *words.split())  # compiles and caches
         least = min(run(tactile, empty, *words.split())[1] for _ in range(3))
         print(f"{words}: {least:.1f} CPU-s")
-        assert least < BUSY * most, words
+        assert least < slower * BUSY * most, words
     of_check = environment() | {"PYTHONPROFILEIMPORTTIME": "1"}
     done = subprocess.run([tactile, "check", "bench/pad"], cwd=empty, env=of_check, capture_output=True, text=True)
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}

@@ -21,6 +21,7 @@ KEYS = {  # name -> (number, text that it types)
     "ArrowDown": (40, ""),
 }
 LIMIT = 60  # s without a word from the browser
+LEFT = "navigated or closed"  # what an expression fails with if the page reloads itself meanwhile
 
 
 def executable() -> str | None:
@@ -60,12 +61,12 @@ class Browser:
         if self._session:
             message["sessionId"] = self._session
         os.write(self._in, json.dumps(message).encode() + b"\0")
-        while True:
-            answer = self._read(limit)
-            if answer.get("id") == self._number:
-                assert "error" not in answer, f"{method}: {answer['error']}"
-                return answer["result"]
+        while (answer := self._read(limit)).get("id") != self._number:
             self._note(answer)
+        if method == "Runtime.evaluate" and LEFT in answer.get("error", {}).get("message", ""):
+            return self.call(method, limit, **values)  # on the page that came in its place
+        assert "error" not in answer, f"{method}: {answer['error']}"
+        return answer["result"]
 
     def open(self, address: str) -> None:
         """Load a page and wait until the whole page is there."""

@@ -37,7 +37,16 @@ FACTS = replace(touch.FACTS, label="Pads", log=None, paper=None, twin=None)
 '''
 ROW = '    pads: Touch = Field(description="Presses on pads")\n'
 STRESSED = ("simulate", "ingest", "dataset", "train", "evaluate", "stress")
+MINIATURE = yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text())
 STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency")
+
+
+def added(project: Project, *words: str) -> None:
+    """Run the command on the settings as they are committed, and bring them to miniature scale after it."""
+    copy_code(project.folder)
+    shutil.copytree(ROOT / "params", project.folder / "params", dirs_exist_ok=True)
+    shutil.copy(ROOT / "params.yaml", project.folder)
+    project.run("-m", "pipeline.commands.command_line", "add", *words)
 
 
 def test_a_claim_of_five_lines_is_judged_in_the_report(workspace, monkeypatch):
@@ -64,11 +73,11 @@ def test_a_claim_of_five_lines_is_judged_in_the_report(workspace, monkeypatch):
 def test_a_model_of_two_files_is_trained_and_in_the_report(tmp_path):
     """Its file, and its block of settings: no list of models names it."""
     project = Project(tmp_path)
-    copy_code(project.folder)
-    project.run("-m", "pipeline.commands.command_line", "add", "model", "whole_ridge")
+    added(project, "model", "whole_ridge")
     assert "    whole_ridge: {ridge: 1.0}\n" in (project.folder / "params" / "touch.yaml").read_text()
     few = {"touch.simulate.specimens": 1, "touch.protocols.press.seeds": [0]}
-    project.set({"touch.models": {"constant": {}, "linear": {}, "whole_ridge": {"ridge": 1.0}}} | few)
+    models = {"constant": {}, "linear": {}, "whole_ridge": {"ridge": 1.0}}
+    project.set(MINIATURE | {"touch.models": models} | few)
     project.stages(*(f"stages.{stage} touch" for stage in STAGES), "stages.render touch look")
     report = project.folder / "reports" / "look" / "touch"
     table = pd.read_csv(report / "accuracy" / "table1.csv")
@@ -132,15 +141,13 @@ def test_a_study_of_one_entry_is_computed_and_in_the_report(workspace, monkeypat
 def test_a_stress_test_of_one_function_is_in_the_table_and_in_the_report(tmp_path):
     """The function, and its severities: no list of stress tests names it."""
     project = Project(tmp_path)
-    copy_code(project.folder)
-    words = ["add", "stress", "sagging_supply", "--experiment", "strain"]
-    project.run("-m", "pipeline.commands.command_line", *words)
+    added(project, "stress", "sagging_supply", "--experiment", "strain")
     assert "sagging_supply: [0.1, 0.5]" in (project.folder / "params.yaml").read_text()
     asked = {"protocols": ["task_1"], "usable": {"task_1": 1.0}}
     asked |= {"perturbations": {"sagging_supply": [0.5, 0.1], "noise": [0.1]}, "look": {"noise": 0.1}}
     models = {"constant": {}, "ridge": {"ridge": 1.0}}
     few = {"strain.protocols": {"task_1": {"seeds": [0]}, "task_0": {"seeds": [0]}}, "strain.models": models}
-    project.set({"experiments": ["strain"], "stress.strain": asked} | few)
+    project.set(MINIATURE | {"experiments": ["strain"], "stress.strain": asked} | few)
     project.stages(*(f"stages.{stage} strain" for stage in STRESSED))
     table = pd.read_csv(project.folder / "data" / "strain" / "stress.csv")
     main = table[table["metric"] == "error"].assign(variant="", budget="")

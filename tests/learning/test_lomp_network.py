@@ -151,9 +151,9 @@ def test_without_messages_an_element_sees_only_itself():
     "change, named", [({"neighbours": 6}, "neighbours"), ({"spec": Spec(8, 5, 5, 19, 20)}, "19x20")]
 )
 def test_impossible_settings_are_refused(change, named):
-    settings = dict(spec=Spec(8, 5, 5, 20, 20), hidden=4, readout=[4], neighbours=4, alpha=0.1) | change
+    settings = dict(spec=Spec(8, 5, 5, 20, 20), hidden=4, readout=[4], neighbours=4, alpha=0.1, start="identity")
     with pytest.raises(InputError, match=named):
-        lomp.build(settings.pop("spec"), **settings, training=TRAINING)
+        lomp.build(**(settings | change), training=TRAINING)
 
 
 SHAPES = {  # spec, settings of `network`
@@ -218,7 +218,7 @@ def test_a_state_goes_from_rows_to_batches_and_back():
 
 def test_a_row_is_predicted_with_the_weights_of_now(tmp_path):
     spec, rng = Spec(3, 2, 4, 6, 4), np.random.default_rng(0)
-    model = lomp.build(spec, hidden=8, readout=[16, 8], neighbours=8, alpha=0.3, training=TRAINING)
+    model = lomp.build(spec, hidden=8, readout=[16, 8], neighbours=8, alpha=0.3, start="identity", training=TRAINING)
     x = rng.uniform(0, 1000, (40, spec.frames, spec.elements)).astype(np.float32)
     y = rng.uniform(0, 300, (40, spec.outputs)).astype(np.float32)
     for seed in range(2):
@@ -261,7 +261,8 @@ def test_a_batch_in_chunks_has_the_gradients_of_the_batch():
     answers = []
     for chunk in (32, 1000):
         training = TRAINING.model_copy(update={"batch_size": 100})
-        model = lomp.build(spec, hidden=8, readout=[6], neighbours=4, alpha=0.3, training=training)
+        settings = dict(hidden=8, readout=[6], neighbours=4, alpha=0.3, start="identity")
+        model = lomp.build(spec, **settings, training=training)
         model.chunk = chunk
         history = model.fit((x, y), (x, y), seed=0)
         answers.append((history[0]["train_loss"], model.predict(x)))
