@@ -17,16 +17,17 @@ TICKS = (0.2, 0.5, 1, 2, 5)
 
 
 class Point(NamedTuple):
-    """An error that a paper prints, and ours of the same model: mean, and one value per seed."""
+    """An error that a paper prints, and ours of the same model, as they are judged: mean and 95 % interval."""
 
     model: str
     published: float
     ours: float
-    seeds: Sequence[float]
+    low: float
+    high: float
 
 
 def chart(path: Path, panels: Mapping[str, Mapping[str, Sequence[Point]]], band: float) -> None:
-    """Draw ours over published, mean and seeds, on a logarithmic axis; panels: title -> condition -> points.
+    """Draw ours over published, mean and interval, on a logarithmic axis; panels: title -> condition -> points.
 
     Models run from top to bottom in the order of the paper's table. Shaded is what lies within `band`, a share, of the
     published error, and within twice that.
@@ -44,8 +45,8 @@ def chart(path: Path, panels: Mapping[str, Mapping[str, Sequence[Point]]], band:
             ax.plot([], [], label=condition, **look)
             for point in own:
                 row, ratio = models[title].index(point.model) + shift, point.ours / point.published
-                seeds = np.clip(np.divide(point.seeds, point.published), 1 / REACH, REACH)
-                ax.plot(seeds, np.full(len(seeds), row), ".", color=colour, alpha=0.55, markersize=5)
+                ends = np.clip(np.divide([point.low, point.high], point.published), 1 / REACH, REACH)
+                ax.plot(ends, [row, row], color=colour, linewidth=1.6)
                 if 1 / REACH <= ratio <= REACH:
                     ax.plot(ratio, row, markersize=6.5, markeredgecolor="white", markeredgewidth=0.6, **look)
                     continue
@@ -62,7 +63,7 @@ def chart(path: Path, panels: Mapping[str, Mapping[str, Sequence[Point]]], band:
         ax.grid(False, axis="x")
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=len(conditions), handletextpad=0.2)
     figure.suptitle(
-        "Our error over the published one; small dots are single seeds, shaded is what lies "
+        "Our errors over the published ones, as they are judged; bars are 95 % intervals, shaded is what lies "
         f"within {100 * band:.0f} % and {200 * band:.0f} %"
     )
     style.save(figure, path)

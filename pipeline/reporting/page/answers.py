@@ -257,7 +257,6 @@ def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, 
     header, cells = ["Model"], {model: [model_name(model)] for model in scores.models}
     places = {model: [""] for model in scores.models}
     points: dict[str, list[Point]] = {title: [] for title in paper.conditions.values()}
-    error = (lambda value: 100 - value) if scores.units == 100 else (lambda value: value)
     own_split, first = next(iter(paper.splits.items()))
     seeds, said, judged = set(), {}, True
     for condition, split, computed, _ in columns:
@@ -272,17 +271,17 @@ def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, 
             places[model].append("")
             if cell := computed.get(model):
                 run = (cell.protocol, condition, model, cell.metric, cell.variant)
-                ours, runs = scores.estimate(*run), scores.runs(*run)
-                seeds.add(len(runs))
-                row.append(interval(ours))
+                seeds.add(len(scores.runs(*run)))
+                row.append(interval(scores.estimate(*run)))
                 places[model].append(origins.place(scores.experiment, cell.protocol, cell.variant))
-                points[title].append(Point(model, error(printed), error(ours.mean), [*map(error, runs)]))
             elif split:
                 row.append(NOT_COMPUTED)
                 places[model].append("")
             if judged:
-                row.append(_verdict(own, asked.get("same", {}).get(place, place)))
+                claim = asked.get("same", {}).get(place, place)
+                row.append(_verdict(own, claim))
                 places[model].append("")
+                points[title] += _points(own, claim, model, scores.units == 100)
     mean = "geometric mean" if scale_of(scores.metric) == LOG else "mean"
     words = [f"{capitalised(paper.printed)} in {asked['unit']}."]
     words += [
@@ -292,7 +291,7 @@ def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, 
     alone = columns[-1].own
     early = f"computed for {' and '.join(map(model_name, alone))} alone" if alone else NOT_COMPUTED
     words += [] if judged else [f"{capitalised(first)}: {early}, so no number here has a verdict."]
-    heading = f"{', '.join(said)}\n{_span(seeds)}" if said else NOT_COMPUTED
+    heading = f"{', '.join(said)}, {_span(seeds)}\n{asked['drawn']}" if said else NOT_COMPUTED
     basis = " ".join([*words, asked.get("note", "")]).strip()
     return Table(header, list(cells.values())), list(places.values()), heading, points, basis
 
@@ -304,6 +303,14 @@ def _verdict(own: pd.DataFrame, claim: str) -> str:
     row = own.loc[claim]
     sides = {-1: ", lower", 1: ", higher"} if row["verdict"] == rules.OFF else {}
     return row["verdict"] + sides.get(int(np.sign(np.nan_to_num(row["ours"] - row["published"]))), "")
+
+
+def _points(own: pd.DataFrame, claim: str, model: str, share: bool) -> list[Point]:
+    """Return the point of the claim about a model's number, as it is judged, if it is; share: what it lacks to 100 %."""
+    if claim not in own.index or not np.isfinite((row := own.loc[claim])["ours"]):
+        return []
+    values = [abs(100 * share - row[name]) for name in ("published", "ours", "low", "high")]
+    return [Point(model, *values[:2], *sorted(values[2:]))]
 
 
 def _part(budgets: set[str]) -> str:
