@@ -69,14 +69,15 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
 
 def write_logs(workspace: Workspace, folder: Path) -> None:
     """Write the logs of a simulated array to a new folder, and print what to do with them."""
-    from pipeline.commands import own  # its imports take half a second, which the other two need not wait for
+    from pipeline.commands import own  # imports that the other two need not wait for
+    from pipeline.scenes import touch
 
     name = own.name_of(workspace, folder)
     if folder.exists():
         raise InputError(f"{folder}: is there already; name another folder")
     settings = params.load(paths.BROUGHT / "params.yaml")["touch"]
     settings["simulate"] |= {"specimen": ARRAY, "single": SINGLE, "double": DOUBLE}
-    recordings, logs_of = scenes.plan("touch", settings)
+    recordings, logs_of = touch.plan(settings)
     recordings = [each for each in recordings if each.condition in ("single", "double")]
     scenes.write_logs(folder, recordings, logs_of)
     trained = Path("build", "own", name, own.TRAINED, "lomp")

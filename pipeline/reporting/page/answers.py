@@ -306,7 +306,7 @@ def _verdict(own: pd.DataFrame, claim: str) -> str:
 
 
 def _points(own: pd.DataFrame, claim: str, model: str, share: bool) -> list[Point]:
-    """Return the point of the claim about a model's number, as it is judged, if it is; share: what it lacks to 100 %."""
+    """Return the point of what a claim judges, if it is judged; share: the point is what the number lacks to 100 %."""
     if claim not in own.index or not np.isfinite((row := own.loc[claim])["ours"]):
         return []
     values = [abs(100 * share - row[name]) for name in ("published", "ours", "low", "high")]
