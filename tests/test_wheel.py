@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+import tomllib
 import urllib.request
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from builders.project import ROOT
 
 pytestmark = pytest.mark.slow
 
+VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
 INSTALL_S = 60  # of the tool alone, on an idle machine: 24 with pip's cache
 CPU_S = {"check bench/pad": 3.0, "sheet bench/pad": 3.0, "demo": 4.0}  # of a command on an idle machine
 LIBRARIES = "import pandas, scipy.stats, matplotlib.pyplot"
@@ -88,7 +90,7 @@ def run(tactile: Path, folder: Path, *words: str) -> tuple[str, float]:
 
 
 MADE = {  # command -> words that it prints, and a file that it makes
-    "--version": ("tactile 0.1.0\n", None),
+    "--version": (f"tactile {VERSION}\n", None),
     "help sheet": ("tactile sheet", None),
     "models": ("touch/lomp_stream", None),
     "demo": ("double-two_touches.gif", "predictions/demo/double-two_touches.png"),

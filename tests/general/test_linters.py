@@ -1,7 +1,9 @@
 """What the checks before a commit ask of the whole tree: lint, format, spelling, and files that hosts read."""
 
+import re
 import subprocess
 import sys
+import tomllib
 
 import pytest
 import yaml
@@ -33,3 +35,12 @@ def test_a_workflow_runs_what_this_repository_has():
         runs = [step["run"] for job in workflow["jobs"].values() for step in job["steps"] if "run" in step]
         named = {word for run in runs for word in run.split() if word in (".ci/run", "constraints.txt")}
         assert named and all((ROOT / name).is_file() for name in named), path
+
+
+def test_one_version_is_said_everywhere():
+    """A tag of it releases the notes that CHANGELOG.md has below that version."""
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    released = re.findall(r"^## (\S+) \((.+)\)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    date = citation["date-released"]
+    assert released[0] == (version, f"{date.day} {date:%B %Y}") and citation["version"] == version
