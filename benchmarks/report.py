@@ -28,7 +28,7 @@ def write(folder: Path) -> None:
         there = [name for name in TABLES if (folder / "benchmarks" / name).exists()]
         parts += [f"- {TABLES[name]}: [{name}]({name})" for name in there]
         parts.append("")
-        parts += ["## Against the obvious implementation\n", table(*comparison(rows))]
+        parts += ["## Against a plain implementation\n", table(*comparison(rows))]
     if points:
         parts += ["## Growth with the size\n", "All columns: [growth.csv](../growth.csv)\n", table(*exponents(points))]
         parts += [f"- [{name}.png]({name}.png): {words}" for name, words in captions(points).items()]

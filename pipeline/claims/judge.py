@@ -117,7 +117,7 @@ def weighed(table: pd.DataFrame) -> pd.DataFrame:
 def _row(claim: Claim, results: Results) -> list:
     found, budget = judged(claim, results)
     drawn = f"{facts(claim.experiment).subject}s" if facts(claim.experiment).subject else "presses or grasps"
-    draws = f"draws of {drawn} of {found.trainings} training{'s' * (found.trainings > 1)}"
+    draws = f"resamplings of {drawn}, {found.trainings} training{'s' * (found.trainings > 1)}"
     if isinstance(claim.protocol, tuple):
         split = f"{claim.protocol[0]} to {claim.protocol[-1]}"
     else:

@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     other.add_argument("--live", action="store_true", help="replay the recording on the live page instead")
     other.add_argument("--logs", type=Path, metavar="FOLDER", help="write raw logs to try all commands on instead")
     parser.add_argument(
-        "--http-port", default=str(live.PORT), metavar="N", help="of the page (default %(default)s; 0: any)"
+        "--http-port", default=str(live.PORT), metavar="N", help="port of the page (default %(default)s; 0: any)"
     )
 
 

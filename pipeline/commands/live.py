@@ -37,13 +37,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--settings", type=Path, metavar="FOLDER", help="whose settings.yaml says how lines look (replay: found)"
     )
-    parser.add_argument("--baud", type=int, default=record.BAUD, metavar="N", help="of the port (default %(default)s)")
+    parser.add_argument(
+        "--baud", type=int, default=record.BAUD, metavar="N", help="bits per second of the port (default %(default)s)"
+    )
     parser.add_argument("--record", type=Path, metavar="FILE", help="a new file for all that the port prints")
-    parser.add_argument("--speed", type=float, default=1.0, metavar="X", help="of a replay: 2 is twice as fast")
+    parser.add_argument("--speed", type=float, default=1.0, metavar="X", help="speed of a replay: 2 is twice as fast")
     parser.add_argument("--loop", action="store_true", help="replay again and again")
     parser.add_argument("--page", action="store_true", help="show the page (without --csv and --udp: always)")
     parser.add_argument(
-        "--http-port", type=int, default=PORT, metavar="N", help="of the page (default %(default)s; 0: any)"
+        "--http-port", type=int, default=PORT, metavar="N", help="port of the page (default %(default)s; 0: any)"
     )
     parser.add_argument("--csv", action="store_true", help="a line per prediction on standard output")
     parser.add_argument("--udp", metavar="HOST:PORT", help="a datagram of JSON per prediction, to this machine only")

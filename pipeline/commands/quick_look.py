@@ -1,7 +1,7 @@
 """Take a quick look at your own logs: check them, train a few models on one split, and write a small report.
 
-FOLDER is as `tactile own` takes it, and what is written as there, until `tactile own` writes more: reports/own/NAME.
-A target of one's own, `target:` in settings.yaml, is tested as there, on fewer windows.
+It takes the same FOLDER as `tactile own`, and writes reports/own/NAME, which a later `tactile own` replaces. A target
+of one's own, `target:` in settings.yaml, is tested on fewer windows than there.
 
 Examples:
 

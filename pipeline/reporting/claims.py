@@ -29,7 +29,7 @@ RULES = (
 COUNTED = (SENTENCE, NUMBER)  # kinds
 HEADER = ["Claim", "Section", "Data", "Protocol", "Published", "Ours", "Unit", "Verdict", "Power", "Runs", "Budget"]
 HEADER += ["One specimen", "Flips at", "Control", "Reason"]
-NOT_TRIED = "No reason was looked for."
+NOT_TRIED = "Not investigated."
 
 
 def titles(workspace: Workspace) -> dict[str, str]:
