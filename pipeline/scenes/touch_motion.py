@@ -202,15 +202,16 @@ def demonstration_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: 
 
     The tape is a line of five contacts over neighbouring elements whose load falls from left to right (the thumb
     lifts the right side). The paper shows pictures only; the logged truth here exists because we simulate. Of places
-    `random` each is somewhere else: touches and slides stay two elements apart, as double touches do.
+    `random` each is somewhere else, after a rest of its own: touches and slides stay two elements apart, as double
+    touches do.
     """
     rng = generator(settings["seed"], "demonstrations")
     newton = 1e3 * tip_area_m2(tip_radius_mm)  # per kPa
     width, height = sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]
     rest = np.zeros(steps_of(2 * START_S))
 
-    def event(peaks_kpa: list[float], ends: list[tuple[float, float, float, float]], seconds: float):
-        """Return (force, x, y), (steps,) each, of every touch of one event."""
+    def event(peaks_kpa: list[float], ends: list[tuple[float, float, float, float]], seconds: float, rest: np.ndarray):
+        """Return (force, x, y), (steps,) each, of every touch of one event, after a rest."""
         profile = press_profile({"approach_s": 0.5, "hold_s": seconds, "release_s": 0.5})
         profile = np.concatenate([rest, profile])
         along = np.clip(np.linspace(-len(rest) / len(profile), 1, len(profile)), 0, 1)
@@ -232,7 +233,10 @@ def demonstration_recordings(settings: Mapping, sensor: Mapping, tip_radius_mm: 
         for _ in range(settings["demonstrations"]["repetitions"]):
             scale = rng.uniform(0.9, 1.1)
             ends = random_ends(name, len(peaks), apart, rng) if elsewhere else ends
-            events.append(event([peak * scale for peak in peaks], ends, seconds * rng.uniform(0.8, 1.2)))
+            held = seconds * rng.uniform(0.8, 1.2)
+            # Of many events at one pace the clocks would fit one event later as well.
+            before = np.zeros(steps_of(2 * START_S * rng.uniform(0.5, 1.5))) if elsewhere else rest
+            events.append(event([peak * scale for peak in peaks], ends, held, before))
         touches = []
         for pieces in zip(*events, strict=True):
             force, x, y = (np.concatenate(column) for column in zip(*pieces, strict=True))

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
+from pipeline import scenes
 from pipeline.base import params
+from pipeline.experiments import touch as experiment
 from pipeline.scenes import material, readout, touch, touch_contact, touch_motion
 from pipeline.scenes.faults import inject
 
@@ -306,3 +308,13 @@ def test_demonstrations_in_the_papers_places_are_all_alike(settings):
     scene = settings["simulate"] | {"demonstrations": {"repetitions": 3, "places": "paper"}}
     three, *_ = touch_motion.demonstration_recordings(scene, settings["sensor"], 5.0)
     assert [set(touch.x_mm) for touch in three.touches] == [{18.0}, {42.0}, {30.0}]
+
+
+def test_the_clocks_of_many_demonstrations_are_found(settings, tmp_path):
+    """At one pace they would fit one event later as well, and the recording would be refused."""
+    settings["simulate"]["demonstrations"] = {"repetitions": 50, "places": "random"}
+    planned, logs_of = touch.plan(settings)
+    (three,) = (each for each in planned if each.condition == "three")
+    scenes.write_recording(tmp_path, three, logs_of)
+    frames, *_ = experiment.read_recording(scenes.folder_of(tmp_path, three), settings)
+    assert frames.num_rows > 8000
