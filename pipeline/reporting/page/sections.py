@@ -40,7 +40,12 @@ CHAPTERS = {"stability": "Stability", "rightsize": "Model size", "physics": "Phy
 CHAPTERS |= {"material": "Recorded material", "benchmarks": "Benchmarks"}
 OF_OWN_LOGS = "its logs are your own, of which there is no evidence; their report is in reports/look"
 NOT_COMPUTED = "none of its shards is in the evidence; `tactile evidence` computes them"
-CAPTIONED = re.compile(r"^(?:- |!)\[[^\]]*\]\(([^)\s]+)\.png\):? *(.*)\n", re.MULTILINE)
+# A line of a list, `- [its file](its file): words`, or a picture with the words behind it in its paragraph.
+CAPTIONED = re.compile(
+    r"^(?:- \[[^\]]*|!\[(?P<title>[^\]]*))\]\((?P<stem>[^)\s]+)\.png\):? *(?P<words>.*(?:\n(?![\n!-]).+)*)\n",
+    re.MULTILINE,
+)
+OF_PAPER = re.compile(r"figure(\d+[a-z]?)(?:_.*)?")  # the file of a figure that a paper has, too
 
 
 def build(workspace: Workspace, values: Mapping) -> dict[str, str]:
@@ -142,12 +147,19 @@ def documents(workspace: Workspace, name: str, level: int) -> dict:
     folder, captions, html = workspace.reports / name, {}, []
     for place, path in enumerate(sorted(folder.glob("*.md")), 1):
         text = path.read_text(encoding="utf-8")
-        captions |= dict(CAPTIONED.findall(text))
+        captions |= {found["stem"]: caption(**found.groupdict()) for found in CAPTIONED.finditer(text)}
         html.append(markdown(CAPTIONED.sub("", text), f"{name} {place}", name, level))
-    captions |= {path.stem: "" for path in sorted(folder.glob("*.png")) if path.stem not in captions}
-    said = {stem: ": ".join(filter(None, [plain(stem), words])) for stem, words in captions.items()}
-    figures = [figure(workspace, f"{name}/{stem}.png", caption) for stem, caption in said.items()]
+    others = (path for path in sorted(folder.glob("*.png")) if path.name != FIRST_PICTURE)  # which the first page has
+    captions |= {path.stem: plain(path.stem) for path in others if path.stem not in captions}
+    figures = [figure(workspace, f"{name}/{stem}.png", words) for stem, words in captions.items()]
     return {"html": Markup("\n").join(html), "figures": figures}
+
+
+def caption(title: str | None, stem: str, words: str) -> str:
+    """Return the caption of a figure from what its document says of it, after its number in the paper, if any."""
+    if found := OF_PAPER.fullmatch(stem):
+        title = f"Figure {found[1]}"
+    return ". ".join(filter(None, [title, " ".join(words.replace("`", "").split())]))
 
 
 def data_of(experiment: str, settings: Mapping) -> str:

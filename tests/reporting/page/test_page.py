@@ -19,6 +19,7 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.claims import rules
 from pipeline.claims.stability import FAILURES
+from pipeline.reporting.figures.answers import FILE as FIRST_PICTURE
 from pipeline.reporting.page import hypertext, sections
 from pipeline.scoring import one_table
 from pipeline.stages import page
@@ -99,8 +100,8 @@ def reports(workspace, monkeypatch) -> Path:
             text = f"# {name}\n\n- [figure8.png](figure8.png): Maps of it.\n\n"
             text += "| Model | RMSE |\n| - | - |\n| LoMP | 6.00 |\n"
             (folder / name / "accuracy" / "README.md").write_text(text)
-            for file in ("figure8.png", "map_of_it.png"):
-                png(folder / name / "accuracy" / file)
+            for file, height in {"figure8.png": 30, "map_of_it.png": 200}.items():
+                png(folder / name / "accuracy" / file, height=height)
     for name in ("stability", "physics", "benchmarks"):
         (folder / name).mkdir()
     png(folder / "stability" / "touch_press_double.png")
@@ -188,11 +189,31 @@ def test_every_file_link_and_claim_is_there(workspace, reports):
         assert all(words in found["index.html"].text for words in (claim, reason, verdict))
 
 
+CAPTIONS = {  # what a document has -> the caption
+    "- [figure8_task_1.png](figure8_task_1.png): Maps, by `press`.\n- more\n": "Figure 8. Maps, by press.",
+    "- [training_time.png](training_time.png): Error over it.\n": "Error over it.",
+    "![Touch](touch.png) Error over size,\none panel each.\n\nMore.\n": "Touch. Error over size, one panel each.",
+    "![Error of each finger](drift_beyond.png)\n": "Error of each finger",
+}
+
+
+@pytest.mark.parametrize("text", CAPTIONS)
+def test_a_figure_has_the_words_of_its_document_for_a_caption(workspace, text):
+    folder = workspace.reports / "touch"
+    folder.mkdir(parents=True)
+    png(folder / re.search(r"\((.*)\)", text)[1])
+    png(folder / FIRST_PICTURE)
+    (folder / "README.md").write_text(f"# Touch\n\n{text}")
+    found = sections.documents(workspace, "touch", 1)
+    assert [one.caption for one in found["figures"]] == [CAPTIONS[text]], "the first page has the first picture"
+    assert ".png" not in found["html"] and "rror over" not in found["html"]
+
+
 def test_the_pages_say_what_the_tables_say(workspace, reports):
     pages = built(workspace)
     appendix, html = pages["appendix.html"], pages["index.html"]
     touch = appendix.split('<section id="touch">')[1].split("</section>")[0]
-    assert re.search("<td[^>]*>6.00</td>", touch) and "<figcaption>figure8: Maps of it.</figcaption>" in touch
+    assert re.search("<td[^>]*>6.00</td>", touch) and "<figcaption>Figure 8. Maps of it.</figcaption>" in touch
     assert "<figcaption>map of it</figcaption>" in touch, "a figure that no document captions"
     drawn = json.loads(re.search('<script type="application/json">(.*?)</script>', touch, re.DOTALL)[1])
     (single,) = (
@@ -287,6 +308,16 @@ def test_browser_loads_everything_without_complaint(tab, address):
     assert images and all(width > 0 for _, width in images), [src for src, width in images if not width]
     assert tab.problems == []
     assert all(one.startswith(("file:", "data:")) for one in tab.requests), "nothing comes from a network"
+
+
+def test_browser_leaves_no_figure_room_that_it_does_not_fill(tab, workspace, reports):
+    tab.width(1400)
+    tab.open(located("appendix.html", workspace, reports))
+    height = "(part) => part.getBoundingClientRect().height"
+    filled = f"[...one.querySelectorAll('img, figcaption')].map({height}).reduce((sum, part) => sum + part)"
+    figures = "[...document.querySelectorAll('.gallery figure')].filter((one) => one.checkVisibility())"
+    blank = tab.run(f"{figures}.map((one) => ({height})(one) - {filled})")
+    assert len(blank) > 10 and max(blank) < 30
 
 
 def test_browser_fits_a_telephone_and_paper(tab, address):
