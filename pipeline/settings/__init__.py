@@ -7,7 +7,7 @@ shared.py. Editors complete and explain keys by params.schema.json, which `pytho
 """
 
 import json
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
@@ -37,7 +37,10 @@ class Experiments(Block):
     glove_recorded: GloveRecorded = Field(description="Recorded grasps of a robot hand with tactile sensors")
 
 
-Experiment = Literal[tuple(name for name in Experiments.model_fields if name not in ("experiments", "device"))]
+if TYPE_CHECKING:  # which ones is known when it runs
+    Experiment = str
+else:
+    Experiment = Literal[tuple(name for name in Experiments.model_fields if name not in ("experiments", "device"))]
 
 
 class Params(Experiments):

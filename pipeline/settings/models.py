@@ -6,6 +6,7 @@ its imports of `MADE_OF`, and not the rest of the file: imports of torch and sci
 
 import ast
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, create_model
 
@@ -21,13 +22,13 @@ def declared(path: Path) -> tuple[type[Block], str]:
     Raises TypeError where the file has no such class, or one that Python cannot make of `MADE_OF` alone.
     """
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    head = [
+    head: list[ast.stmt] = [
         node
         for node in tree.body
         if (isinstance(node, ast.ImportFrom) and node.module in MADE_OF)
         or (isinstance(node, ast.ClassDef) and node.name == "Settings")
     ]
-    names = {"__name__": f"pipeline.models.{path.stem}"}
+    names: dict[str, Any] = {"__name__": f"pipeline.models.{path.stem}"}
     try:
         exec(compile(ast.Module(head, []), path, "exec"), names)
     except Exception as error:  # whatever a class body can raise
@@ -46,4 +47,7 @@ def fields(folder: Path) -> dict:
     return {key: (settings, Field(default=None, description=meaning)) for key, (settings, meaning) in found.items()}
 
 
-Models = create_model("Models", __base__=SomeOf, __doc__="The models to train, by their keys.", **fields(FOLDER))
+if TYPE_CHECKING:  # which fields it has is known when it runs
+    Models = SomeOf
+else:
+    Models = create_model("Models", __base__=SomeOf, __doc__="The models to train, by their keys.", **fields(FOLDER))

@@ -6,6 +6,7 @@ time that grows with the line alone. It knows letters and digits of ASCII only i
 
 import re
 import warnings
+from typing import Protocol
 
 import re2
 
@@ -21,8 +22,18 @@ _OPTIONS = re2.Options()
 _OPTIONS.log_errors = False  # they come as exceptions
 
 
-def compiled(pattern: str):
-    """Return a pattern with `search`, `fullmatch`, `sub` and `groups` as those of `re`.
+class Pattern(Protocol):
+    """What patterns of `re` and of RE2 have in common."""
+
+    @property
+    def groups(self) -> int: ...
+    def search(self, text: str, /) -> re.Match[str] | None: ...
+    def fullmatch(self, text: str, /) -> re.Match[str] | None: ...
+    def sub(self, into: str, text: str, /) -> str: ...
+
+
+def compiled(pattern: str) -> Pattern:
+    """Return a pattern, which means what `re` means by it.
 
     Raises ValueError, which says why, for what is no regular expression of `re` or cannot be searched in linear time.
     """

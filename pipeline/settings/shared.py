@@ -9,7 +9,7 @@ import contextlib
 import re
 import warnings
 from datetime import datetime
-from typing import Annotated, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -46,6 +46,17 @@ def without_repeats(entries: list) -> list:
 Entry = TypeVar("Entry")
 Listed = Annotated[list[Entry], Field(min_length=1, max_length=1000)]
 Distinct = Annotated[Listed[Entry], AfterValidator(without_repeats)]
+
+if TYPE_CHECKING:
+    OrAbsent: TypeAlias = Entry | None
+else:
+
+    class OrAbsent:
+        """The value of a key that may be left out, and is None then. Written as null it is refused, as any wrong value."""
+
+        def __class_getitem__(cls, kind: Any) -> Any:
+            return kind
+
 
 Text = Annotated[str, Field(min_length=1)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
@@ -163,17 +174,17 @@ class Layout(Block):
     skip_lines: CountOrNone = Field(default=0, description="Lines to leave out at the beginning")
     encoding: Text = Field(default="utf-8", description="Encoding of the text, by Python's names")
     time: Place = Field(default=1, description="Column of the time")
-    time_unit: Literal["s", "ms", "us", "ns", "min", "h", "d", "100ns"] = Field(
+    time_unit: OrAbsent[Literal["s", "ms", "us", "ns", "min", "h", "d", "100ns"]] = Field(
         default=None, description="Unit of the time, unless the log's; 100ns: ticks of .NET and Windows"
     )
-    time_pattern: Text = Field(
+    time_pattern: OrAbsent[Text] = Field(
         default=None,
         description="Pattern of a time that is no number, such as %H:%M:%S.%f (Python's strptime); without `time` it "
         "is found anywhere in a line, and taken out before columns are counted",
     )
-    rate_hz: RateHz = Field(default=None, description="Frames per second of a log without times (Hz)")
-    width: Count = Field(default=None, description="Columns of a line; lines with more or fewer are rejected")
-    columns: Text | Annotated[list[Place], Field(min_length=1)] = Field(
+    rate_hz: OrAbsent[RateHz] = Field(default=None, description="Frames per second of a log without times (Hz)")
+    width: OrAbsent[Count] = Field(default=None, description="Columns of a line; lines with more or fewer are rejected")
+    columns: OrAbsent[Text | Annotated[list[Place], Field(min_length=1)]] = Field(
         default=None,
         description="Columns of the readings in the log's order, as a list or as 2..17, by number or by name; without "
         "it, all but the time",
@@ -184,7 +195,7 @@ class Layout(Block):
         default=True, description="False where readings fall when pressed: lowest + highest - reading is taken"
     )
     lines_per_frame: Count = Field(default=1, description="Lines of one frame")
-    frame_begins: str = Field(
+    frame_begins: OrAbsent[str] = Field(
         default=None,
         description="Line that stands before each frame, as a regular expression, '' of an empty one; what its "
         "brackets hold is the time",
@@ -198,8 +209,8 @@ class Layout(Block):
 
     @field_validator("strip", "frame_begins")
     @classmethod
-    def _is_a_pattern(cls, given):
-        for pattern in [given] if isinstance(given, str) else given or []:
+    def _is_a_pattern(cls, given: str | list[str]) -> str | list[str]:
+        for pattern in [given] if isinstance(given, str) else given:
             patterns.compiled(pattern)
         return given
 

@@ -17,6 +17,7 @@ from pipeline.settings.shared import (
     LookBack,
     NotNegative,
     Number,
+    OrAbsent,
     Positive,
     Protocol,
     RateHz,
@@ -38,7 +39,7 @@ class Sensor(Block):
         description="Tasks of your own, folder to axes, such as {stretch: [x]}; {}: task_0 (x, y, z), task_1 (z), "
         "task_2 (x, y)",
     )
-    pressed_below_mm: Number = Field(
+    pressed_below_mm: OrAbsent[Number] = Field(
         default=None, description="Height z below which samples count (mm); without it all of them do"
     )
 
@@ -161,12 +162,12 @@ class StrainSplit(Split):
 class StrainProtocol(Protocol):
     """How often a task is run, and what differs from the others."""
 
-    samples: Annotated[int, Field(ge=2, le=1_000_000)] = Field(
+    samples: OrAbsent[Annotated[int, Field(ge=2, le=1_000_000)]] = Field(
         default=None,
         description="Samples that are trained on at most, the last ones before the test part, none of them for "
         "validation; without it all",
     )
-    base: Task = Field(default=None, description="Task whose network transfer starts from; without it task 0")
+    base: OrAbsent[Task] = Field(default=None, description="Task whose network transfer starts from; without it task 0")
 
 
 class Strain(Block):

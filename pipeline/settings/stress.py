@@ -6,7 +6,7 @@ Which tests there are is read in the code of the functions that are registered a
 import ast
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from pydantic import AfterValidator, Field, create_model, model_validator
 
@@ -37,8 +37,9 @@ def declared(path: Path) -> Iterator[tuple[str, str, Declared]]:
     Python runs none of it: its imports would cost every stage 1 s. Raises TypeError that names the function where an
     argument is not written out.
     """
-    for function in ast.parse(path.read_text(encoding="utf-8")).body:
-        for call in getattr(function, "decorator_list", ()):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for function in (node for node in tree.body if isinstance(node, ast.FunctionDef)):
+        for call in function.decorator_list:
             if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "stress_test":
                 try:
                     of = [ast.literal_eval(each) for each in call.args]
@@ -61,7 +62,7 @@ def severities(kind_of: Any, name: str, *of: str) -> type[SomeOf]:
 
     kind_of: `Severities`, or `Severity` where a test has one; name: of the class, after that of the last of `of`.
     """
-    fields = {
+    fields: dict[str, Any] = {
         test_name: (kind_of, Field(default=None, description=f"{test.meaning} Severity: {test.unit}"))
         for kind, test_name, test in sorted(TESTS)
         if kind in of
@@ -97,15 +98,21 @@ def tested(span: str, *of: str) -> type[Tested]:
     return create_model("Stress", __base__=Tested, __doc__="What is tested.", perturbations=perturbations, look=look)
 
 
-class Stress(Block):
-    """What is tested of each experiment."""
-
-    touch: tested("the ADC's 1023 counts", "windows", "touch") = Field(description="Stress tests of touch")
-    velostat_recorded: tested("of training readings", "windows") = Field(
-        description="Stress tests of velostat_recorded"
+TESTED = {  # experiment -> range of its readings; kind of input and experiment of a scene whose tests it takes
+    "touch": ("the ADC's 1023 counts", "windows", "touch"),
+    "velostat_recorded": ("of training readings", "windows"),
+    "array_recorded": ("of training readings", "windows"),
+    "strain": ("each channel's", "series", "strain"),
+    "strain_recorded": ("each channel's", "series"),
+    "glove": ("each area's", "images", "glove"),
+    "glove_recorded": ("each area's", "images"),
+}
+if TYPE_CHECKING:  # which fields it has is known when it runs
+    Stress = Block
+else:
+    Stress = create_model(
+        "Stress",
+        __base__=Block,
+        __doc__="What is tested of each experiment.",
+        **{name: (tested(*of), Field(description=f"Stress tests of {name}")) for name, of in TESTED.items()},
     )
-    array_recorded: tested("of training readings", "windows") = Field(description="Stress tests of array_recorded")
-    strain: tested("each channel's", "series", "strain") = Field(description="Stress tests of strain")
-    strain_recorded: tested("each channel's", "series") = Field(description="Stress tests of strain_recorded")
-    glove: tested("each area's", "images", "glove") = Field(description="Stress tests of glove")
-    glove_recorded: tested("each area's", "images") = Field(description="Stress tests of glove_recorded")

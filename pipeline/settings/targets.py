@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field, field_validator, model_validator
 
 from pipeline.settings import patterns
-from pipeline.settings.shared import Block, Place, Positive, Text
+from pipeline.settings.shared import Block, OrAbsent, Place, Positive, Text
 
 LONGEST_NAME = 255  # bytes of a file's name, on every system
 PATTERNED = ("person", "day", "session")  # of which the path of a recording tells
@@ -19,16 +19,16 @@ class Target(Block):
         description="A number, one of several names, or something that happens or not, such as a slip"
     )
     unit: str = Field(default="", description="Unit of a continuous target, such as deg")
-    file: Text = Field(
+    file: OrAbsent[Text] = Field(
         default=None, description="Log beside the sensor's that has the truth, stamped by the same clock"
     )
-    column: Place = Field(default=None, description="Its column in that log, by number from 1 or by name")
-    folder: Literal[1, 2] = Field(
+    column: OrAbsent[Place] = Field(default=None, description="Its column in that log, by number from 1 or by name")
+    folder: OrAbsent[Literal[1, 2]] = Field(
         default=None,
         description="Level of the folder whose name is the truth, in <1>/<2>/<log>; of a continuous target, the one "
         "number in it",
     )
-    window_s: Positive = Field(
+    window_s: OrAbsent[Positive] = Field(
         default=None, description="How far a prediction looks back (s), where not as the creep of the sensor asks"
     )
 
@@ -56,7 +56,7 @@ class Split(Block):
     by: Literal["person", "day", "session", "recording", "time"] = Field(
         description="What a group is; time: each recording is cut into consecutive parts"
     )
-    pattern: Text = Field(
+    pattern: OrAbsent[Text] = Field(
         default=None,
         description="Regular expression that is searched in a recording's path <1>/<2>; what its brackets hold is the "
         "person, day or session",

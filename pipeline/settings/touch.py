@@ -16,6 +16,7 @@ from pipeline.settings.shared import (
     Latency,
     LineFaults,
     NotNegative,
+    OrAbsent,
     Positive,
     Protocol,
     RateHz,
@@ -208,8 +209,8 @@ class RandomWindow(Protocol):
 class Protocols(SomeOf):
     """How the data are divided."""
 
-    press: Protocol = Field(default=None, description="By press: none is on two sides")
-    random_window: RandomWindow = Field(default=None, description="By window, as the paper: windows overlap")
+    press: OrAbsent[Protocol] = Field(default=None, description="By press: none is on two sides")
+    random_window: OrAbsent[RandomWindow] = Field(default=None, description="By window, as the paper: windows overlap")
 
 
 class Touch(Block):

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from pipeline.settings.shared import Block, Count, CountOrNone, Fraction, Positive, Share
+from pipeline.settings.shared import Block, Count, CountOrNone, Fraction, OrAbsent, Positive, Share
 
 LearningRate = Annotated[float, Field(ge=1e-9, le=10)]
 
@@ -45,7 +45,7 @@ class ScheduledTraining(Block):
         default="float32",
         description="Number format of products in training; bfloat16 where the device has instructions for it",
     )
-    faults: WithFaults = None
+    faults: OrAbsent[WithFaults] = None
 
 
 class WindowTraining(ScheduledTraining):
@@ -75,7 +75,7 @@ class SequenceTraining(Block):
         "are faster, but forget what lies before a piece"
     )
     batch: Count = Field(description="Pieces, drawn anew in every epoch, that an update sees side by side")
-    faults: WithFaults = None
+    faults: OrAbsent[WithFaults] = None
 
 
 class StretchTraining(Block):
@@ -91,7 +91,7 @@ class StretchTraining(Block):
     length: Count = Field(description="Samples of a stretch")
     warm_up: CountOrNone = Field(description="First samples of a stretch that do not count in the loss")
     clip: Positive = Field(description="Norm to which gradients are clipped")
-    faults: WithFaults = None
+    faults: OrAbsent[WithFaults] = None
 
     @model_validator(mode="after")
     def _something_counts(self) -> "StretchTraining":
