@@ -8,16 +8,15 @@ import hashlib
 import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, Protocol, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 
 from pipeline.base import files, foreign, params
 from pipeline.base.errors import InputError
 from pipeline.settings import Params
 from pipeline.settings.shared import Block
 
-Of = TypeVar("Of", bound=BaseModel)  # its field `files` is of the type Files
 Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]  # SHA-256
 Files = dict[str, Digest]  # by name
 TARGET = "target.json"  # the card of a target of one's own
@@ -40,7 +39,21 @@ def _printable(text: str) -> str:
 Words = Annotated[str, Field(max_length=LONGEST), AfterValidator(_printable)]  # they reach a terminal
 
 
-def write(path: Path, card: BaseModel, **dumped) -> None:
+class Card(Protocol):
+    """A class of pydantic with a field `files`."""
+
+    @property
+    def files(self) -> Files: ...
+    def model_copy(self, *, update: Mapping[str, Any]) -> Self: ...
+    def model_dump_json(self, *, indent: int, **dumped: Any) -> str: ...
+    @classmethod
+    def model_validate_json(cls, text: str, /, *, strict: bool) -> Self: ...
+
+
+Of = TypeVar("Of", bound=Card)
+
+
+def write(path: Path, card: Card, **dumped: Any) -> None:
     """Write a card, with its own digest among its `files`; dumped: as of `model_dump_json`."""
     whole = card.model_copy(update={"files": {**card.files, path.name: ""}})
     files.write_text(path, sealed(whole.model_dump_json(indent=1, **dumped) + "\n", path.name))
@@ -86,7 +99,7 @@ def parsed(path: Path, kind: type[Of], again: str) -> tuple[Of, str]:
     raise InputError(f"{path}, {key}: {found[0]['msg']}; {again}")
 
 
-def faults(path: Path, card: BaseModel, text: str, package: Collection[str]) -> dict[str, str]:
+def faults(path: Path, card: Card, text: str, package: Collection[str]) -> dict[str, str]:
     """Return what is wrong with the files of a package, a sentence by name; arguments as of `read` and `parsed`."""
     named, wrong = dict(card.files), {}
     if named.pop(path.name, None) is None:
@@ -117,12 +130,12 @@ def check_blocks(path: Path, key: str, experiment: str, blocks: Mapping, names: 
 
     path, key: of the card and of the blocks in it.
     """
-    of = Params.model_fields[experiment].annotation.model_fields
-    wanted = [name for name in names if name in of]
+    of: type[Block] = params.kind_at(Params, [experiment])[0]
+    wanted = [name for name in names if name in of.model_fields]
     if set(blocks) != set(wanted):
         raise InputError(f"{path}, {key}: of {experiment} it has the blocks {', '.join(wanted)} and no other; {again}")
     for name in wanted:
-        check_block(path, f"{key}.{name}", blocks[name], of[name].annotation, again)
+        check_block(path, f"{key}.{name}", blocks[name], params.kind_at(of, [name])[0], again)
 
 
 def check_block(path: Path, key: str, block: Mapping, kind: type[Block], again: str) -> None:

@@ -20,12 +20,14 @@ from importlib.metadata import version
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import TypeVar
 
 from pipeline.base import files
 from pipeline.base.errors import InputError, memory_error
 from pipeline.base.paths import CODE
 from pipeline.base.processes import KEEP_MEMORY, ONE_THREAD, die_with_parent
 
+Result = TypeVar("Result")
 CONNECT_S, NO_WORKER_S = 10, 60
 LOOK_S = 0.2  # between two looks at whether a stage waits for its task
 ANSWER = "import sys; from pipeline.base import cluster; cluster.answer(int(sys.argv[1]))"
@@ -33,7 +35,7 @@ NUMBERS = ("numpy", "pyarrow", "scikit-learn", "scipy", "torch")  # packages who
 _processes: dict[tuple[str, int], tuple[subprocess.Popen, Connection]] = {}  # of a worker, by stage's mark and thread
 
 
-def run(address: str, function: Callable, calls: Mapping[str, tuple]) -> Iterator[tuple[str, object]]:
+def run(address: str, function: Callable[..., Result], calls: Mapping[str, tuple]) -> Iterator[tuple[str, Result]]:
     """Do tasks, as `workers.run`, on the cluster of the Dask scheduler at `address`; yield (name, result).
 
     A lost worker's task starts again on another. calls: name -> (arguments, the new folder that the task makes or
@@ -47,7 +49,8 @@ def run(address: str, function: Callable, calls: Mapping[str, tuple]) -> Iterato
     except (OSError, ValueError) as error:  # ValueError: no such port
         raise InputError(f"WORKERS={address}: no Dask scheduler answers there ({error}); start one") from error
     root = Path.cwd()
-    module = sys.modules["__main__"].__spec__.name if function.__module__ == "__main__" else function.__module__
+    started = sys.modules["__main__"].__spec__  # of a stage, which is run as a module
+    module = started.name if started and function.__module__ == "__main__" else function.__module__
     with client, tempfile.NamedTemporaryFile(dir=root, suffix=".unfinished") as mark:
         try:
             client.wait_for_workers(1, timeout=NO_WORKER_S)
@@ -61,16 +64,16 @@ def run(address: str, function: Callable, calls: Mapping[str, tuple]) -> Iterato
         for future in as_completed(futures, loop=client.loop):
             name = futures[future]
             try:
-                result, error = future.result()
+                result, failed = future.result()
             except KilledWorker as error:
                 lost = f"{error.allowed_failures + 1} workers in turn were lost over this task"
                 raise InputError(f"{name}: {lost}; look at the log of the last one") from error
             except CancelledError as error:
                 raise InputError(f"{address}: the Dask scheduler is gone; start it and repeat the command") from error
-            if error is not None and memory_error(error) is not None:
-                raise InputError(f"{name}: {memory_error(error)}; free memory on the worker's machine") from error
-            if error is not None:
-                raise error
+            if failed is not None and memory_error(failed) is not None:
+                raise InputError(f"{name}: {memory_error(failed)}; free memory on the worker's machine") from failed
+            if failed is not None:
+                raise failed
             yield name, result
         client.run(end, mark.name)
 
@@ -149,7 +152,10 @@ def answer(channel: int) -> None:
         while True:
             module, function, arguments = pipe.recv()
             try:
-                reply = getattr(importlib.import_module(module), function)(*arguments, lambda *_: None), None
+                reply: tuple[object, Exception | None] = (
+                    getattr(importlib.import_module(module), function)(*arguments, lambda *_: None),
+                    None,
+                )
             except Exception as error:
                 error.add_note(f"On {platform.node()}:\n{traceback.format_exc()}")
                 reply = None, error

@@ -90,16 +90,15 @@ def _at_lag(stretches: Sequence[np.ndarray], columns: Sequence[int], lag: int) -
         pieces = [x[k : k + length] for x in stretches for k in range(0, len(x) - length + 1, length)]
         if len(pieces) < PIECES:
             break
-        last = [_products([piece], lag) for piece in pieces]
+        last = [made for piece in pieces if (made := _products([piece], lag)) is not None]
         distances = [_distance(total - piece, piece) for piece in last if (np.diag(total - piece) > 0).all()]
         apart, gain = (MARGIN * max(np.abs(each[k]).max() for each in distances) for k in (0, 1))
         known.append((length, float(apart), float(gain)))
     if not known:
         return None
     lengths, most_apart, most_gain = map(list, zip(*known, strict=True))
-    pairs = _pairs(len(columns))
-    if len(pairs) > PAIRS:
-        pairs = np.random.default_rng(0).permutation(pairs)[:PAIRS]
+    all_pairs = _pairs(len(columns))
+    pairs = all_pairs if len(all_pairs) <= PAIRS else np.random.default_rng(0).permutation(all_pairs)[:PAIRS]
     told = [
         _distance(total, last[number % len(last)][_exchanged(len(columns), *pair)])[0].max() > most_apart[-1]
         for number, pair in enumerate(pairs)
@@ -173,7 +172,7 @@ def sentences(of_training: Correlation | None, parts: Sequence[np.ndarray], name
     causes = "another sensor, or another kind of motion"
     if apart[worst] > limits[0]:
         pairs = {pair: _distance(trained, here[_exchanged(len(here), *pair)])[0].max() for pair in _pairs(len(here))}
-        one, other = min(pairs, key=pairs.get)
+        one, other = min(pairs, key=pairs.__getitem__)
         if pairs[one, other] <= limits[0]:
             causes = f"with {of_column[one]} and {of_column[other]} exchanged they would"
         return [

@@ -15,8 +15,8 @@ from pipeline.base.processes import die_with_parent
 # Errors that end a write through no fault of the code.
 STORAGE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 # Of a name that cannot be that of a file or folder here, as somebody may have given it.
-NAMES = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.ENXIO, errno.ENODEV, errno.EBUSY)
-NAMES += (errno.EILSEQ, errno.ESTALE, errno.ETXTBSY)
+NAMES: tuple[int, ...] = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.ENXIO, errno.ENODEV)
+NAMES += (errno.EBUSY, errno.EILSEQ, errno.ESTALE, errno.ETXTBSY)
 FULL = (errno.ENOSPC, errno.EDQUOT)  # these also cut the files that DVC writes in place
 
 SHOWN = 200  # characters of a name that is too long

@@ -15,7 +15,7 @@ def sentence(error: BaseException) -> str | None:
     found = [re.match(r"([\w.-]+).*; extra == .(\w+)", line) for line in metadata.requires(paths.PACKAGE) or []]
     pairs = [match.groups() for match in found if match]
     size = Counter(extra for _, extra in pairs)
-    smallest = min((extra for library, extra in pairs if library == name), key=size.get, default=None)
+    smallest = min((extra for library, extra in pairs if library == name), key=size.__getitem__, default=None)
     if smallest is None:
         return None
     where = paths.PACKAGE if paths.BROUGHT == paths.INSTALLED else "."

@@ -19,9 +19,13 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.base import foreign
 from pipeline.base.errors import InputError, storage_code, storage_error
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 BLOCK = 1 << 20  # bytes of a log that are read at once
 UNFINISHED = ".unfinished"  # ends the name of a draft
@@ -217,7 +221,7 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence]) -> N
         writer.writerows(rows)
 
 
-def write_table(path: Path, table, missing: str = "") -> None:
+def write_table(path: Path, table: "pd.DataFrame", missing: str = "") -> None:
     """Write a pandas table without its index as CSV, numbers in full precision; `missing` stands for NaN."""
     with replacing(path) as draft:
         table.to_csv(draft, index=False, lineterminator="\n", na_rep=missing, float_format=_shortest)

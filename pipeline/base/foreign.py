@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any, TypeVar
 
 from pipeline.base.errors import InputError
 from pipeline.base.processes import die_with_parent
@@ -21,6 +22,7 @@ from pipeline.base.processes import die_with_parent
 QUOTED = 200  # characters of a library's message
 # Measured readings seldom shrink to a tenth when they are packed; zip and gzip reach a thousandth.
 PACKED, SMALL = 200, 64 << 20  # times that an archive may grow, bytes up to which it may grow more
+Result = TypeVar("Result")
 DONE, REFUSED, FAILED, NO_MEMORY, LATE, ENDED = range(6)  # what comes of the process that reads
 
 
@@ -45,8 +47,15 @@ def reading(path: Path | str, what: str, remedy: str, largest: int | None = None
 
 
 def apart(
-    path: Path, what: str, remedy: str, function: Callable, *arguments, memory: int, seconds: float, **named
-) -> object:
+    path: Path,
+    what: str,
+    remedy: str,
+    function: Callable[..., Result],
+    *arguments: object,
+    memory: int,
+    seconds: float,
+    **named: object,
+) -> Result:
     """Return what `function` of a module, called in a process of its own, returns; errors as `reading`.
 
     A damaged file crashes some readers, with the process that they are in, and a file of a megabyte may unpack to all
@@ -94,14 +103,14 @@ def reason(error: BaseException) -> str:
 class _Reader:
     """A process that calls functions, one after the other."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")  # a fork would have the threads' locks
         self._ours, theirs = context.Pipe()
         self.process = context.Process(target=_answer, args=(theirs,), daemon=True)
         self.process.start()
         theirs.close()
 
-    def asked(self, seconds: float, *call) -> tuple[int, object]:
+    def asked(self, seconds: float, *call: object) -> tuple[int, Any]:
         """Return what came of a call, DONE to ENDED, and what was returned or said."""
         try:
             self._ours.send(call)

@@ -63,12 +63,13 @@ def file_of(dotted: str) -> str:
     return f"params/{block}.yaml" if block in get_args(Experiment) else "params.yaml"
 
 
-def read(path: Path):
+def read(path: Path) -> Any:
     """Return the blocks of all files of settings as one mapping, unchecked. Raises InputError as `parsed`, and where a
     block is in two files.
     """
     path, *others = settings_files(path)
-    values, file_with = parsed(path), {}
+    values = parsed(path)
+    file_with: dict[str, str] = {}
     for file in others:
         blocks = parsed(file)
         if not isinstance(values, dict) or not isinstance(blocks, dict):
@@ -90,7 +91,7 @@ def name_of(path: Path) -> str:
     return f"params/{path.name}" if path.parent.name == "params" else path.name
 
 
-def check(values, sources: Mapping[str, str] | None = None) -> None:
+def check(values: object, sources: Mapping[str, str] | None = None) -> None:
     """Check all settings against pipeline/settings; InputError names the first fault, unknown keys first.
 
     sources: the file that a dotted key was set from, where that is not `file_of` it; a sentence names it in its place.
@@ -98,7 +99,7 @@ def check(values, sources: Mapping[str, str] | None = None) -> None:
     check_block(values, Params, "", sources)
 
 
-def parsed(path: Path):
+def parsed(path: Path) -> Any:
     """Return a YAML file's content, read as DVC reads it: YAML 1.2, each key once; InputError where it is not YAML."""
     name = name_of(path)
     _check_file(path)
@@ -111,7 +112,7 @@ def parsed(path: Path):
 
 
 @lru_cache(maxsize=64)
-def _content(text: str, name: str):
+def _content(text: str, name: str) -> Any:
     """Return the content of a file called `name`. Commands read the same files several times, at 5 ms each."""
     reader, depth = YAML(typ="safe"), 0
     for event in reader.parse(text):
@@ -123,14 +124,14 @@ def _content(text: str, name: str):
     return reader.load(text)
 
 
-def shown(value) -> str:
+def shown(value: object) -> str:
     """Return a setting as text, shortened."""
     short = reprlib.Repr()
     short.maxstring = short.maxother = short.maxlong = 60
     return short.repr(value)
 
 
-def check_block(given, kind: type[Block], where: str, sources: Mapping[str, str] | None = None) -> Block:
+def check_block(given: object, kind: type[Block], where: str, sources: Mapping[str, str] | None = None) -> Block:
     """Return a block of settings as its pydantic model; InputError names the key that fails, unknown ones first.
 
     where: the dotted key of the block; sources: as in `check`.
@@ -149,15 +150,15 @@ def check_block(given, kind: type[Block], where: str, sources: Mapping[str, str]
     block, place = file + ", " + (inside or "top level"), file + ", " + (name or "top level")
     if fault["type"] == "invalid_key":
         raise InputError(f"{block}: expected text as a key, got {shown(key)}")
-    if fault["type"] == "extra_forbidden" and _at(kind, path)[0] is Models:
+    if fault["type"] == "extra_forbidden" and kind_at(kind, path)[0] is Models:
         raise InputError(f"{block}: there is no pipeline/models/{key}.py; {hint(key, Models.model_fields)}")
     if fault["type"] == "extra_forbidden":
-        raise InputError(f"{block}: unknown key '{key}'; {hint(key, _at(kind, path)[0].model_fields)}")
+        raise InputError(f"{block}: unknown key '{key}'; {hint(key, kind_at(kind, path)[0].model_fields)}")
     if fault["type"] == "missing":
-        raise InputError(f"{block}: key '{key}' is missing; add it{_at(kind, fault['loc'])[1]}")
+        raise InputError(f"{block}: key '{key}' is missing; add it{kind_at(kind, fault['loc'])[1]}")
     if fault["type"] == "value_error":  # a rule of our own, which says what should be
         raise InputError(f"{place}: {fault['ctx']['error']}")
-    expected, meaning = _at(kind, fault["loc"])
+    expected, meaning = kind_at(kind, fault["loc"])
     wrong = fault["msg"][0].lower() + fault["msg"][1:]
     if fault["type"] in ("model_type", "dict_type"):
         keys = expected.model_fields if isinstance(expected, type) and issubclass(expected, Block) else {}
@@ -165,7 +166,7 @@ def check_block(given, kind: type[Block], where: str, sources: Mapping[str, str]
     raise InputError(f"{place}: {wrong}, got {shown(fault['input'])}{meaning}")
 
 
-def _dotted(*names) -> str:
+def _dotted(*names: object) -> str:
     """Join the names of nested keys to one, `touch.models.cnn`; entries of lists are `channels[0]`."""
     text = "".join(f"[{name}]" if isinstance(name, int) else f".{name}" for name in names if name != "")
     return text.removeprefix(".")
@@ -177,7 +178,7 @@ def share(one: str, other: str) -> bool:
     return one.startswith(other) or other.startswith(one)
 
 
-def _at(kind, path: Iterable) -> tuple[Any, str]:
+def kind_at(kind: Any, path: Iterable) -> tuple[Any, str]:
     """Return the type at `path`, keys and places in lists, in a value of this type, and what its key means.
 
     The meaning is in brackets and has a space before it; it is empty where the last key of a block has none.
@@ -193,7 +194,7 @@ def _at(kind, path: Iterable) -> tuple[Any, str]:
     return kind, meaning
 
 
-def parts(dotted: str, given, known) -> tuple[dict, list[str]]:
+def parts(dotted: str, given: object, known: object) -> tuple[dict, list[str]]:
     """Return what sets only the keys that a block has, by dotted keys, and the required keys that it lacks.
 
     A block replaces all keys of the former one, so one that lacks some is refused, although its dotted keys say the
@@ -201,14 +202,16 @@ def parts(dotted: str, given, known) -> tuple[dict, list[str]]:
     what is no block are returned as they are, with [].
     """
     try:
-        kind = _at(Params, dotted.split("."))[0]
+        kind = kind_at(Params, dotted.split("."))[0]
     except (AttributeError, IndexError, KeyError):
         return {dotted: given}, []
-    is_block = isinstance(kind, type) and issubclass(kind, Block) and isinstance(given, Mapping)
-    if not is_block or not isinstance(known, Mapping) or set(given) - set(kind.model_fields):
+    if not (isinstance(kind, type) and issubclass(kind, Block)):
+        return {dotted: given}, []
+    if not isinstance(given, Mapping) or not isinstance(known, Mapping) or set(given) - set(kind.model_fields):
         return {dotted: given}, []
     lacking = [key for key, field in kind.model_fields.items() if field.is_required() and key not in given]
-    lacking, inside = [f"'{key}'" for key in lacking if key in known], {}
+    lacking = [f"'{key}'" for key in lacking if key in known]
+    inside: dict[str, object] = {}
     for key, value in given.items():
         of_key, further = parts(f"{dotted}.{key}", value, known.get(key))
         inside |= of_key
@@ -220,7 +223,7 @@ def is_optional(dotted: str) -> bool:
     """Tell whether the settings may lack a key (`strain.sensor.pressed_below_mm`); False for a key that is unknown."""
     *path, key = dotted.split(".")
     try:
-        field = _at(Params, path)[0].model_fields[key]
+        field = kind_at(Params, path)[0].model_fields[key]
     except (AttributeError, IndexError, KeyError):  # of what is no block
         return False
     return not field.is_required()
@@ -229,7 +232,7 @@ def is_optional(dotted: str) -> bool:
 def keys(dotted: str) -> list[str]:
     """Return the keys that a block may have, those that it may lack, too; none of what is no block."""
     try:
-        kind = _at(Params, filter(None, dotted.split(".")))[0]
+        kind = kind_at(Params, filter(None, dotted.split(".")))[0]
     except (AttributeError, IndexError, KeyError):
         return []
     return list(kind.model_fields) if isinstance(kind, type) and issubclass(kind, Block) else []
@@ -249,13 +252,13 @@ def check_known(given: Iterable, expected: Iterable[str], where: str) -> None:
             raise InputError(f"{file_of(where)}, {where}: unknown key '{key}'; {hint(key, expected)}")
 
 
-def check_model(key: str, settings, where: str) -> Block:
+def check_model(key: str, settings: object, where: str) -> Block:
     """Return one model's block, checked against `Settings` in its file; InputError names the first fault."""
     if key not in Models.model_fields:
         raise InputError(
             f"{file_of(where)}, {where}: there is no pipeline/models/{key}.py; {hint(key, Models.model_fields)}"
         )
-    return check_block(settings, Models.model_fields[key].annotation, where)
+    return check_block(settings, kind_at(Models, [key])[0], where)
 
 
 def model_settings(params: Mapping, experiment: str, model: str) -> Mapping:
@@ -285,7 +288,7 @@ def at_budget(block: Mapping, budget: float) -> Mapping:
     if "training" not in block:
         return block
     of_epochs = [key for key in ("epochs", "drop_epoch") if key in block["training"]]
-    return block | {"training": block["training"] | {k: math.ceil(budget * block["training"][k]) for k in of_epochs}}
+    return {**block, "training": block["training"] | {k: math.ceil(budget * block["training"][k]) for k in of_epochs}}
 
 
 def run_settings(values: Mapping, experiment: str, model: str, protocol: str) -> Mapping:
@@ -297,7 +300,7 @@ def run_settings(values: Mapping, experiment: str, model: str, protocol: str) ->
     passes = values[experiment]["protocols"][protocol].get("passes", 1)
     if passes == 1 or "training" not in block:
         return block
-    return block | {"training": block["training"] | {"epochs": passes * epochs(block)}}
+    return {**block, "training": block["training"] | {"epochs": passes * epochs(block)}}
 
 
 def transfers(model: str) -> bool:

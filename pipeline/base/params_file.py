@@ -5,6 +5,8 @@ from pathlib import Path
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.nodes import ScalarNode
+from ruamel.yaml.representer import RoundTripRepresenter
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
 from pipeline.base import files, foreign, params
@@ -67,19 +69,19 @@ def set_values(values: dict, params_file: Path, source: str = "params.yaml") -> 
                 raise InputError(f"{source}: there is no key '{dotted}'; {hint}")
             parent, block = block, block.get(key)
         parent[last] = _flow(value)
-    for path, content in changed.items():
-        with files.replacing(path) as draft, open(draft, "w", encoding="utf-8") as file:
-            editor.dump(content, file)
+    for edited, content in changed.items():
+        with files.replacing(edited) as draft, open(draft, "w", encoding="utf-8") as stream:
+            editor.dump(content, stream)
 
 
-def _float(representer, value: float):
+def _float(representer: RoundTripRepresenter, value: float) -> ScalarNode:
     """Write 1e-06 as 1.0e-06: without a point YAML readers take the number for text."""
     text = repr(value)
     text = text if "." in text else text.replace("e", ".0e")
     return representer.represent_scalar("tag:yaml.org,2002:float", text)
 
 
-def _flow(value):
+def _flow(value: object) -> object:
     """Put lists and blocks on one line, as in the rest of the file."""
     if isinstance(value, str) and "?" in value:  # which ends a text in a list for the parser in C
         return DoubleQuotedScalarString(value)

@@ -14,7 +14,7 @@ from pathlib import Path
 try:
     import fcntl
 except ImportError:  # Windows
-    fcntl = None
+    fcntl = None  # type: ignore[assignment]  # `holding` asks for it
 
 # glibc's allocator: large pieces of memory are kept and lie in huge pages. Fresh memory costs a page fault each 4 kB,
 # which takes a tenth of the training of a convolutional network.

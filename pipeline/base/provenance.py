@@ -61,7 +61,7 @@ def check_settings(workspace: Workspace, experiments: Iterable[str], params: dic
         for output in (workspace.scores(experiment), workspace.models(experiment)):
             file = output.relative_to(workspace.root).as_posix()
             for dotted, value in made_with.get(file, {}).items():
-                wanted = params
+                wanted: object = params
                 for key in dotted.split("."):
                     wanted = wanted.get(key) if isinstance(wanted, Mapping) else None
                 if key := _difference(value, wanted, dotted):
@@ -75,7 +75,7 @@ def _git(workspace: Workspace, *arguments: str) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
-def _difference(made_with, wanted, where: str) -> str | None:
+def _difference(made_with: object, wanted: object, where: str) -> str | None:
     """Return the dotted key of the first setting in which two blocks differ, None if there is none."""
     if isinstance(made_with, Mapping) and isinstance(wanted, Mapping):
         for key in [*made_with, *wanted]:

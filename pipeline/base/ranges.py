@@ -105,14 +105,14 @@ def outside(readings: np.ndarray, trained_on: Sequence[Columns] | None) -> np.nd
     """Return which readings (n, columns) lie outside the training, (n,) bool; none where nothing is known of it."""
     if trained_on is None:
         return np.zeros(len(readings), bool)
-    return (excess(readings, trained_on) > 1).any(axis=1)
+    return np.any(excess(readings, trained_on) > 1, axis=1)
 
 
 def summary(
     readings: np.ndarray, outside: np.ndarray, trained_on: Sequence[Columns], unit: str, lacking: str
 ) -> dict[str, float | str]:
     """Return what a summary of predictions says: the share outside and, where there are any, `sentence`."""
-    said = {"share_outside_training": float(outside.mean()) if len(outside) else 0.0}
+    said: dict[str, float | str] = {"share_outside_training": float(outside.mean()) if len(outside) else 0.0}
     if outside.any():
         said["outside_training"] = sentence(readings, outside, trained_on, unit, lacking)
     return said
@@ -139,8 +139,8 @@ def _checks(trained_on: Sequence[Columns]) -> list[tuple[str, list[int], float, 
     found = []
     for kind in trained_on:
         places = [kind.first + number for number in kind.columns]
-        for number, *check in zip(kind.columns, places, kind.low, kind.high, strict=True):
-            found.append((f"column {kind.name}{number}", check[:1], *check[1:]))
+        for number, place, low, high in zip(kind.columns, places, kind.low, kind.high, strict=True):
+            found.append((f"column {kind.name}{number}", [place], low, high))
         found.append((f"the mean of {_all_of(kind)}", places, kind.mean_low, kind.mean_high))
     return found
 

@@ -41,7 +41,7 @@ def train_all(
     """
     runs = params.runs(values, experiment) if why_not_run(workspace, experiment) is None else []
     runs = [run for run in runs if protocols is None or run[0] in protocols]
-    origins = {model: origin if runs else "" for model, origin in reversed(origins.items())}
+    origins = {model: origin if runs else "" for model, origin in reversed(list(origins.items()))}
     origins = {model: origin for model, origin in origins.items() if not _is_kept(workspace, experiment, model, origin)}
     drafts = {model: workspace.model_draft(experiment, model) for model in origins}
     seconds = {model: _begin(drafts[model], origin) for model, origin in origins.items()}
@@ -61,8 +61,8 @@ def train_all(
         size = {"total": whole, "initial": whole - sum(steps.values())}
         with tqdm(**size, desc=f"train {experiment}", unit="epoch") as bar:
             tasks = {task: (workspace, values, experiment, *task, folder) for task, folder in folders.items()}
-            for (model, *run), taken in workers.run(train_run, tasks, bar, steps=steps, folders=folders):
-                seconds[model][tuple(run)] = taken
+            for (model, protocol, seed), taken in workers.run(train_run, tasks, bar, steps=steps, folders=folders):
+                seconds[model][protocol, seed] = taken
                 _write_times(drafts[model] / "times.csv", seconds[model])
     for model, origin in origins.items():
         _write_times(workspace.training_times(experiment, model), {run: seconds[model][run] for run in runs})

@@ -8,8 +8,10 @@ from collections import Counter, deque
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeVar
 
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
@@ -17,8 +19,10 @@ from tqdm import tqdm
 from pipeline.base.errors import InputError, memory_error
 from pipeline.base.processes import KEEP_MEMORY, ONE_THREAD, die_with_parent
 
+Key = TypeVar("Key", bound=Hashable)
+Result = TypeVar("Result")
 REPORT_S = 0.2  # between two looks at what tasks have reported
-_reports = None  # of a worker's process: where its tasks report to
+_reports: SimpleQueue  # of a worker's process: where its tasks report to
 ADVICE = "free memory or make its settings smaller, and run the command again"
 
 
@@ -31,16 +35,18 @@ def count() -> int | str:
         raise InputError(
             f"WORKERS={given}: expected a whole number of 1 or more, or a Dask scheduler's address (tcp://HOST:8786)"
         )
-    return int(given) if given else len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    if given:
+        return int(given)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run(
-    function: Callable,
-    tasks: Mapping[Hashable, tuple],
+    function: Callable[..., Result],
+    tasks: Mapping[Key, tuple],
     bar: tqdm,
-    steps: int | Mapping[Hashable, int] = 1,
-    folders: Mapping[Hashable, Path] = MappingProxyType({}),
-) -> Iterator[tuple[Hashable, object]]:
+    steps: int | Mapping[Key, int] = 1,
+    folders: Mapping[Key, Path] = MappingProxyType({}),
+) -> Iterator[tuple[Key, Result]]:
     """Call `function(*arguments, report)` for every task in processes of one thread; yield (key, result).
 
     Results come as they finish. `bar` moves by one for every call of `report` in a task (on a cluster it does not) and,
@@ -76,13 +82,15 @@ def _note(numbers: tuple) -> str:
     return " ".join(f"{value:.4g}" for value in numbers[2:])
 
 
-def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: Mapping) -> Iterator[tuple[Hashable, object]]:
+def _in_turn(
+    function: Callable[..., Result], tasks: Mapping[Key, tuple], bar: tqdm, steps: Mapping[Key, int]
+) -> Iterator[tuple[Key, Result]]:
     """Do the tasks in this process, one after the other."""
     with threadpool_limits(1):
         for key, arguments in tasks.items():
             done = 0
 
-            def report(*numbers) -> None:
+            def report(*numbers: float) -> None:
                 nonlocal done
                 done += 1
                 bar.set_postfix_str(_note(numbers), refresh=False)
@@ -99,14 +107,16 @@ def _in_turn(function: Callable, tasks: Mapping, bar: tqdm, steps: Mapping) -> I
 
 
 def _in_processes(
-    most: int, function: Callable, tasks: Mapping, bar: tqdm, steps: Mapping
-) -> Iterator[tuple[Hashable, object]]:
+    most: int, function: Callable[..., Result], tasks: Mapping[Key, tuple], bar: tqdm, steps: Mapping[Key, int]
+) -> Iterator[tuple[Key, Result]]:
     """Do the tasks in `most` processes, each a pool of its own: so it is known which task a killed one was at."""
     os.environ.setdefault("GLIBC_TUNABLES", KEEP_MEMORY)  # read where a process starts
     context, others = multiprocessing.get_context("spawn"), set(multiprocessing.active_children())
     reports = context.SimpleQueue()
     pools = [ProcessPoolExecutor(1, context, _begin, (reports,)) for _ in range(most)]
-    left, idle, running, done = deque(tasks.items()), list(pools), {}, Counter()
+    left, idle = deque(tasks.items()), list(pools)
+    running: dict[Future[Result], tuple[Key, ProcessPoolExecutor]] = {}
+    done: Counter[Key] = Counter()
     try:
         while left or running:
             while left and idle:
@@ -139,7 +149,9 @@ def _in_processes(
             pool.shutdown(cancel_futures=True)
 
 
-def _submitted(pool: ProcessPoolExecutor, key: Hashable, function: Callable, arguments: tuple) -> Future:
+def _submitted(
+    pool: ProcessPoolExecutor, key: Hashable, function: Callable[..., Result], arguments: tuple
+) -> Future[Result]:
     """Give a task to a pool; a process that starts for it inherits the block: Ctrl-C goes to the stage alone."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
@@ -148,7 +160,7 @@ def _submitted(pool: ProcessPoolExecutor, key: Hashable, function: Callable, arg
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin(reports) -> None:
+def _begin(reports: SimpleQueue) -> None:
     """Set up a process for its tasks; `reports`: the queue that all processes share."""
     global _reports
     die_with_parent()
@@ -157,6 +169,6 @@ def _begin(reports) -> None:
     _reports = reports
 
 
-def _answer(key: Hashable, function: Callable, arguments: tuple):
+def _answer(key: Hashable, function: Callable[..., Result], arguments: tuple) -> Result:
     """Do a task; (key, note) goes to the queue for every report."""
     return function(*arguments, lambda *numbers: _reports.put((key, _note(numbers))))

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Protocol
 
 from pipeline.base import files, foreign, params, paths
 from pipeline.base.errors import InputError
@@ -10,7 +11,25 @@ from pipeline.base.errors import InputError
 KEYS = ("stop_reason", "best_epoch", "epochs", "parameters", "macs", "precision", "settings")
 
 
-def write(folder: Path, model, history: Sequence[Mapping], settings: Mapping) -> None:
+class Summary(Protocol):
+    """How a fit ended."""
+
+    @property
+    def stop_reason(self) -> str: ...
+    @property
+    def best_epoch(self) -> int: ...
+
+
+class Fitted(Protocol):
+    """What is asked of a fitted model; one of products in a format that can be chosen has `precision`, too."""
+
+    @property
+    def summary(self) -> Summary: ...
+    def parameters(self) -> int: ...
+    def macs(self) -> int: ...
+
+
+def write(folder: Path, model: Fitted, history: Sequence[Mapping], settings: Mapping) -> None:
     """Write both files of a fitted model.
 
     history: one dictionary per epoch, losses in the label's unit squared (images: cross-entropy); settings: the

@@ -32,7 +32,8 @@ class Levels(NamedTuple):
 
     def times(self, factor: float) -> "Levels":
         """Return the levels of readings that are no counts in another unit."""
-        return Levels(*(level * factor for level in self[:5]), self.whole, self.wired)
+        span, rest, low, lowest, highest = (level * factor for level in self[:5])
+        return Levels(span, rest, low, lowest, highest, self.whole, self.wired)
 
 
 def of_windows(settings: Mapping, data: Dataset, train: np.ndarray) -> Levels:
@@ -76,12 +77,12 @@ def of_area(readings: np.ndarray, lowest: float, highest: float, whole: bool) ->
     A dead cell reads 0. Cells that read 0 in all training frames are not wired.
     """
     rest = np.percentile(readings, LOW_PERCENTILE, axis=0)
-    return Levels(float(np.ptp(readings)), rest, 0.0, lowest, highest, whole, readings.any(axis=0))
+    return Levels(float(np.ptp(readings)), rest, 0.0, lowest, highest, whole, np.any(readings, axis=0))
 
 
 def side_by_side(areas: list[Levels]) -> Levels:
     """Return the levels of areas whose cells stand one behind the other, all of them by cell."""
-    cells = [len(area.rest) for area in areas]
+    cells = [np.size(area.rest) for area in areas]
     return Levels(
         *(
             np.concatenate([np.broadcast_to(value, n) for value, n in zip(values, cells, strict=True)])

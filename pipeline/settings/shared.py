@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 else:
 
     class OrAbsent:
-        """The value of a key that may be left out, and is None then. Written as null it is refused, as any wrong value."""
+        """The value of a key that may be left out, which makes it None; null in a file is refused."""
 
         def __class_getitem__(cls, kind: Any) -> Any:
             return kind
