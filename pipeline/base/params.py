@@ -11,7 +11,7 @@ import reprlib
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from pydantic import ValidationError
 from ruamel.yaml import YAML
@@ -24,6 +24,7 @@ from pipeline.settings import Experiment, Params
 from pipeline.settings.models import Models
 from pipeline.settings.shared import Block
 
+Kind = TypeVar("Kind", bound=Block)
 DEEPEST = 20  # blocks and lists inside each other; the settings have 8. The parser in C crashes at some 30,000
 
 
@@ -131,7 +132,7 @@ def shown(value: object) -> str:
     return short.repr(value)
 
 
-def check_block(given: object, kind: type[Block], where: str, sources: Mapping[str, str] | None = None) -> Block:
+def check_block(given: object, kind: type[Kind], where: str, sources: Mapping[str, str] | None = None) -> Kind:
     """Return a block of settings as its pydantic model; InputError names the key that fails, unknown ones first.
 
     where: the dotted key of the block; sources: as in `check`.

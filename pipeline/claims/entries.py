@@ -36,10 +36,11 @@ value, `{axis.name}` its name; `{published}` is the published value. A value of 
 
 import inspect
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import yaml
@@ -64,8 +65,14 @@ SIMULATED, RECORDED = "simulated", "recorded"  # data
 HEAD = {"paper", "title", "names", SIMULATED, RECORDED, "further", "claims", "lists"}
 
 
+Given: TypeAlias = str | Sequence[str] | Mapping[str, str]  # protocol: a name, several, or condition -> name
+Named: TypeAlias = str | tuple[str, ...] | Mapping[str, str]  # the same with the words of a family
+
+
 class Word(str):
     """A value of an axis; `name` and further attributes are its words in sentences."""
+
+    name: str
 
 
 @dataclass(frozen=True)
@@ -75,10 +82,12 @@ class Source:
     experiment: str
     metric: str
     unit: str
-    protocol: object  # a name, several that are one result, or condition -> name
+    protocol: Given  # several are one result
     printed: str = ""  # the metric that the paper prints in place of it
     conditions: Mapping[str, str] = field(default_factory=dict)  # condition -> the paper's, where it is another word
-    splits: Mapping[str, object] = field(default_factory=dict)  # in place of a variant -> the protocols it stands for
+    splits: Mapping[str, Sequence[str]] = field(
+        default_factory=dict
+    )  # in place of a variant -> the protocols it stands for
 
 
 @dataclass(frozen=True)
@@ -106,8 +115,8 @@ class Claim:
     values: Mapping[str, str]  # name -> expression
     options: Mapping[str, object]
     metric: str
-    protocol: object  # as of Source
-    splits: Mapping[str, object]  # as of Source
+    protocol: Named  # as of Source
+    splits: Mapping[str, Sequence[str]]  # as of Source
     published: float
     printed: Mapping[str, float]  # of each of `values`
     names: Mapping[str, str]  # of models, in sentences
@@ -161,9 +170,9 @@ def read(workspace: Workspace, sources: Sequence[Path] | None = None) -> tuple[l
             head = heads.setdefault(content["paper"], {})
             head |= {key: value for key, value in content.items() if key != "claims"}
             given = {SIMULATED: head[SIMULATED], RECORDED: head[RECORDED]} | head.get("further", {})
-            sources = {name: Source(**source) for name, source in given.items()}
-            papers[content["paper"]] = Paper(content["paper"], head["title"], sources)
-            for claim in _claims(head, sources, content["claims"]):
+            by_data = {name: Source(**source) for name, source in given.items()}
+            papers[content["paper"]] = Paper(content["paper"], head["title"], by_data)
+            for claim in _claims(head, by_data, content["claims"]):
                 if claim.id in claims:
                     raise InputError(f"claim {claim.id}: stands there twice")
                 claims[claim.id] = claim
@@ -189,7 +198,7 @@ def _claims(head: Mapping, sources: Mapping[str, Source], entries: Sequence[Mapp
     names, table = head.get("names", {}), published.table(head["paper"]).set_index(list(Result._fields))
     printed = {column: dict(zip(map(Result._make, table.index), table[column], strict=True)) for column in table}
     for entry in entries:
-        family = entry if "for" in entry else {"for": {}, "claims": [entry]}
+        family: Mapping = entry if "for" in entry else {"for": {}, "claims": [entry]}
         for words in _combinations(family["for"], names):
             for one in family["claims"]:
                 try:
@@ -201,7 +210,7 @@ def _claims(head: Mapping, sources: Mapping[str, Source], entries: Sequence[Mapp
                     raise InputError(f"claim {one.get('id', one)}: {error}") from error
 
 
-def _combinations(axes: Mapping[str, object], names: Mapping[str, str]) -> Iterator[dict[str, object]]:
+def _combinations(axes: Mapping[str, Iterable], names: Mapping[str, str]) -> Iterator[dict[str, object]]:
     """Yield axis -> value, for every combination of different values; names: value -> what it is called."""
     listed = [[_word(value, words, names) for value, words in _pairs(values)] for values in axes.values()]
     for chosen in itertools.product(*listed):
@@ -209,7 +218,7 @@ def _combinations(axes: Mapping[str, object], names: Mapping[str, str]) -> Itera
             yield dict(zip(axes, chosen, strict=True))
 
 
-def _pairs(values: object) -> Iterator[tuple[object, object]]:
+def _pairs(values: Iterable) -> Iterator[tuple[object, object]]:
     yield from values.items() if isinstance(values, Mapping) else ((value, None) for value in values)
 
 
@@ -304,7 +313,8 @@ def _control(
     entry: Mapping, words: Mapping, names: Mapping[str, str], expressions: Mapping[str, str], source: Source
 ) -> Control:
     """Return the control of an entry; expressions: of the claim. Raises InputError for one that changes nothing."""
-    given, read = {one.format_map(words): other for one, other in entry["control"].items()}, set()
+    given = {one.format_map(words): other for one, other in entry["control"].items()}
+    read: set[str] = set()
 
     def note(result: Result) -> np.float64:
         read.update({result.model} if result.variant in ("", *source.splits) else ())
@@ -331,7 +341,9 @@ def _listed(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-def _expressions(entry: Mapping, rule: object, words: Mapping, names: Mapping) -> Iterator[tuple[str, str]]:
+def _expressions(
+    entry: Mapping, rule: str | Mapping[str, str], words: Mapping, names: Mapping
+) -> Iterator[tuple[str, str]]:
     """Yield the name and the expression of every value of an entry."""
     for chosen in _combinations(entry.get("each", {}), names):
         said = {**words, **chosen}
@@ -342,11 +354,11 @@ def _expressions(entry: Mapping, rule: object, words: Mapping, names: Mapping) -
             yield entry.get("name", named).format_map(said), rule.format_map(said)
 
 
-def _filled(protocol: object, words: Mapping) -> object:
+def _filled(protocol: Given, words: Mapping) -> Named:
     """Return a protocol with the words of its family, but for `{condition}`, which is that of each result."""
     kept = {**words, "condition": "{condition}"}
     if isinstance(protocol, str):
         return protocol.format_map(kept)
     if isinstance(protocol, Sequence):
-        return tuple(_filled(name, words) for name in protocol)
-    return {condition: _filled(name, words) for condition, name in protocol.items()}
+        return tuple(name.format_map(kept) for name in protocol)
+    return {condition: name.format_map(kept) for condition, name in protocol.items()}

@@ -10,6 +10,6 @@ def inside(low: np.ndarray, high: np.ndarray, least: float, most: float) -> np.n
 
 def lies_within(low: float, high: float, least: float, most: float) -> bool | None:
     """Return True for an interval within two bounds, False for one wholly beyond a bound; None: across one, or NaN."""
-    if inside(low, high, least, most):
+    if low >= least and high <= most:
         return True
     return False if low > most or high < least else None

@@ -9,14 +9,14 @@ several results min and max return the one whose mean is the lowest or the highe
 import ast
 import operator
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from pipeline.base.errors import InputError
 
-Value = pd.Series | float
+Value: TypeAlias = pd.Series | float
 
 
 class Result(NamedTuple):

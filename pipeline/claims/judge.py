@@ -30,8 +30,9 @@ COLUMNS += ["draw_low", "draw_high", "flips_at", "p", "weak"]
 def judged(claim: Claim, results: Results) -> tuple[Judgement, str]:
     """Return the verdict on a claim and its budget: `full`, or `half` where no more was run."""
     found, budget = _judged(claim, results)
-    other = _ruled(claim, results, FULL, claim.control)[0] if claim.control else None
-    if other is not None:
+    other = None
+    if claim.control:
+        other, _ = _ruled(claim, results, FULL, claim.control)
         found = replace(found, control=claim.control.name, control_value=other.ours)
     if claim.kind == entries.BEYOND:
         word = HOLDS if found.verdict in GOOD else FAILS if found.verdict in BAD else OPEN
@@ -84,7 +85,7 @@ def _ruled(claim: Claim, results: Results, budget: str, control: Control | None 
         }
         printed = claim.printed
         if control:
-            runs = {name: rules.fixed(value) if np.isscalar(value) else value for name, value in runs.items()}
+            runs = {name: rules.fixed(value) if isinstance(value, float) else value for name, value in runs.items()}
             printed = {name: claim.printed.get(name, claim.published) for name in runs}
         found = RULES[claim.rule](runs, printed, **claim.options)
         reason = "; ".join(filter(None, [found.reason, evidence.few()]))

@@ -15,6 +15,7 @@ and the options of the claim. `power` is the chance of a good verdict if the pap
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -36,7 +37,9 @@ DRAWS = 1000  # of a power
 LIKELY = "a likely draw"  # of a printed number that one further specimen of ours may have
 NOTHING = "there are no values to compare"
 FIXED = "fixed"  # name of the index of a value that is known by arithmetic, as that of chance is: it has no spread
-Values, Printed = Mapping[str, pd.Series], Mapping[str, float]
+Values: TypeAlias = Mapping[str, pd.Series]
+Printed: TypeAlias = Mapping[str, float]
+One = TypeVar("One")
 
 
 class Open(Exception):
@@ -79,7 +82,8 @@ def interval(values: pd.Series, scale: str = results.PLAIN) -> results.Estimate:
     Raises Open where there is no interval.
     """
     if values.index.name == FIXED:
-        return results.Estimate(*3 * [float(values.iloc[0])], 1, 0)
+        value = float(values.iloc[0])
+        return results.Estimate(value, value, value, 1, 0)
     if values.index.name == DRAW:
         drawn = values[values.index != WHOLE]
         low, high = np.quantile(drawn, (ALPHA, 1 - ALPHA))
@@ -94,7 +98,7 @@ def interval(values: pd.Series, scale: str = results.PLAIN) -> results.Estimate:
     return mean
 
 
-def only(values: Mapping[str, object]):
+def only(values: Mapping[str, One]) -> One:
     """Return the one value of a rule that judges no more than one."""
     (value,) = values.values()
     return value
@@ -175,7 +179,7 @@ def above(
     """
     means = {name: interval(runs, scale) for name, runs in values.items()}
     doubts = {name: doubt(runs, limit, scale, "less") for name, runs in values.items()}
-    decides, count = min(doubts, key=doubts.get), len(means)
+    decides, count = min(doubts, key=doubts.__getitem__), len(means)
     if all(mean.low > limit for mean in means.values()):
         verdict, decides = REPRODUCED, min(means, key=lambda name: means[name].low)
     elif count * doubts[decides] < ALPHA:  # the first step of Holm's test, which is enough for one to fail
@@ -187,7 +191,7 @@ def above(
     reason = f"{held} of {count} hold; {word} {decides}" if count > 1 else said(limit) if limit else ""
     if unfinished and verdict == CONTRADICTED:
         verdict, reason = UNDECIDED, "; ".join(filter(None, [reason, f"a bound, as {unfinished}"]))
-    power, mean = _power(values, printed, lambda low, high: (low > limit).all(axis=-1), scale), means[decides]
+    power, mean = _power(values, printed, lambda low, high: np.all(low > limit, axis=-1), scale), means[decides]
     p = all_beyond(values, limit, scale, "greater", verdict)
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p, flips_at=flip(mean, limit))
 
@@ -196,13 +200,13 @@ def below(values: Values, printed: Printed, *, limit: float, scale: str = result
     """Judge that a value is below the limit: no increase beyond a margin. Of several all must be."""
     means = {name: interval(runs, scale) for name, runs in values.items()}
     doubts = {name: doubt(runs, limit, scale, "greater") for name, runs in values.items()}
-    decides, verdict = min(doubts, key=doubts.get), UNDECIDED
+    decides, verdict = min(doubts, key=doubts.__getitem__), UNDECIDED
     if all(mean.high < limit for mean in means.values()):
         verdict, decides = REPRODUCED, max(means, key=lambda name: means[name].high)
     elif len(means) * doubts[decides] < ALPHA:
         verdict = CONTRADICTED
     reason = said(limit) + (f"; decided by {decides}" if len(means) > 1 else "")
-    power, mean = _power(values, printed, lambda low, high: (high < limit).all(axis=-1), scale), means[decides]
+    power, mean = _power(values, printed, lambda low, high: np.all(high < limit, axis=-1), scale), means[decides]
     p = all_beyond(values, limit, scale, "less", verdict)
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p, flips_at=flip(mean, limit))
 
@@ -228,7 +232,7 @@ def near(values: Values, printed: Printed, *, best: float = 0.0) -> Judgement:
     reason = f"{'error ' if best else ''}{100 * off:+.0f} % from the published one"
     least, most = (published - 2 * band) / whole, (published + 2 * band) / whole
     ratios = {"": runs / whole}, {"": published / whole}
-    power = _power(*ratios, lambda low, high: inside(low, high, least, most).all(axis=-1), scale)
+    power = _power(*ratios, lambda low, high: np.all(inside(low, high, least, most), axis=-1), scale)
     width = (1 if verdict == OFF else 2) * band / whole
     p = between(runs / whole, published / whole - width, published / whole + width, scale, verdict)
     low, high = (np.nan, np.nan)
@@ -251,7 +255,7 @@ def within(values: Values, printed: Printed, *, around: float, margin: float, sc
     """Judge that nothing differs: all of the interval is within the margin of `around`."""
     mean, bounds = interval(only(values), scale), (around - margin, around + margin)
     verdict = {True: REPRODUCED, False: CONTRADICTED, None: UNDECIDED}[lies_within(mean.low, mean.high, *bounds)]
-    power = _power(values, printed, lambda low, high: inside(low, high, *bounds).all(axis=-1), scale)
+    power = _power(values, printed, lambda low, high: np.all(inside(low, high, *bounds), axis=-1), scale)
     p = between(only(values), *bounds, scale, verdict)
     reason = f"margin {margin:g} around {around:g} (ours)"
     off = abs(mean.low - around), abs(mean.high - around)

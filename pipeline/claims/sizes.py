@@ -6,7 +6,7 @@ The excess of a size is its error over that of the best size, less 1, paired by 
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -24,6 +24,9 @@ MARGIN = 0.05  # of the best error: less makes no difference in use
 BEST, ENOUGH, TOO_SMALL, UNCLEAR, FAILED = "best", "enough", "too small", "inconclusive", "failed"
 HIGHER = ("accuracy", "macro_precision", "r2")  # metrics of which more is better
 NAMES = {"rmse": "RMSE", "error": "mean error", "macro_precision": "100 % less macro precision"}
+
+
+Values = TypeVar("Values", float, np.ndarray)
 
 
 class Scale(NamedTuple):
@@ -62,7 +65,7 @@ def read(workspace: Workspace, results: Results, experiment: str) -> pd.DataFram
     return table
 
 
-def error_of(values, metric: str):
+def error_of(values: Values, metric: str) -> Values:
     """Return a metric so that less is better: a fraction of which more is better becomes 1 - the fraction, in %."""
     return 100 * (1 - values) if metric in HIGHER else values
 

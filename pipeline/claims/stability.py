@@ -25,7 +25,7 @@ are numbers of other sensors, which have no order, and one without a severity 0,
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -180,7 +180,7 @@ def _drawn_blocks(rows: pd.DataFrame, model: str) -> tuple[np.ndarray, np.ndarra
             return None
         errors.append(np.stack([np.mean(list(at), axis=0) for _, at in own.groupby("severity")["draws"]], axis=1))
     over = " and ".join(rows.loc[rows["model"] == model, "over"].unique())
-    return (*errors, over) if errors[0].shape == errors[1].shape else None
+    return (errors[0], errors[1], over) if errors[0].shape == errors[1].shape else None
 
 
 def _drawn_seeds(errors: np.ndarray, floor: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
@@ -211,7 +211,7 @@ def crossing(severities: np.ndarray, errors: np.ndarray, level: np.ndarray | flo
     return np.where(above.any(axis=-1), np.where(last == 0, severities[0], found), np.inf)
 
 
-def axis_of(severities: Sequence[float]) -> str:
+def axis_of(severities: Iterable[float]) -> str:
     """Return the axis on which errors between two severities are interpolated; severities: of one sign and 0."""
     sizes = [abs(each) for each in severities if each]
     return LOG if len(sizes) > 1 and max(sizes) >= SPAN * min(sizes) else LINEAR
@@ -232,7 +232,7 @@ def walked(own: Runs) -> Iterator[tuple[str, Runs]]:
             yield direction, own._replace(severities=np.abs(own.severities[chosen]), **parts)
 
 
-def lost_at(own: Runs, usable: float) -> dict[str, float]:
+def lost_at(own: Runs, usable: float) -> dict[str, float | str]:
     """Return where half and all of the skill is lost, and where a model is no more usable, with the notes.
 
     own: of severities from 0 outwards. A level that is not reached has NaN, and the note says beyond what.
@@ -246,7 +246,7 @@ def lost_at(own: Runs, usable: float) -> dict[str, float]:
         return found | {"fails": crossing(severities, curves, np.full(shares.shape[:-1], usable), axis)}
 
     mean = levels(own.errors.mean(axis=0), own.floor.mean(axis=0))
-    found = {"axis": axis, "largest": severities[-1], "over": own.over}
+    found: dict[str, float | str] = {"axis": axis, "largest": severities[-1], "over": own.over}
     for name, value in mean.items():
         reached = np.isfinite(value)
         found[f"{name}_at"] = float(value) if reached else np.nan
@@ -308,17 +308,17 @@ def failures(
             has_clean = 0 in own.severities
             if model == FLOOR or (has_clean and not (known and known.good)):
                 continue
-            row = dict(zip(WHERE, (experiment, protocol, condition, test, model), strict=True))
-            row |= {"seeds": len(own.errors), "failed": own.failed, "budget": own.budget, "unit": unit}
-            row["usable"] = limit(usable, protocol, condition)
+            most = limit(usable, protocol, condition)
+            row: dict[str, object] = dict(zip(WHERE, (experiment, protocol, condition, test, model), strict=True))
+            row |= {"seeds": len(own.errors), "failed": own.failed, "budget": own.budget, "unit": unit, "usable": most}
             note = NO_CLEAN if not has_clean else NO_ORDER if unit.endswith(NAMES) else ""
-            if note:
+            if note or known is None:
                 notes = {f"{name}_note": note for name in LEVELS}
-                rows.append(row | notes | ({"clean": known.clean, "floor": known.floor} if has_clean else {}))
+                rows.append(row | notes | ({"clean": known.clean, "floor": known.floor} if has_clean and known else {}))
                 continue
             row |= {"clean": known.clean, "floor": own.floor[:, own.severities == 0].mean()}
             for direction, here in walked(own) if len(own.errors) else ():
-                found = _signed(lost_at(here, row["usable"]), direction)
+                found = _signed(lost_at(here, most), direction)
                 found["over"] = facts(experiment).seeds if found["over"] == SEEDS else found["over"]
                 rows.append(row | found | {"direction": direction, "start": here.errors[:, 0].mean()})
     return pd.DataFrame(rows, columns=FAILURES), judged[~judged["good"]][UNUSABLE]
@@ -439,11 +439,11 @@ def starts(rows: pd.DataFrame, experiment: str) -> pd.DataFrame:
 def _rates(rows: pd.DataFrame, experiment: str, model: str) -> tuple[tuple[float, float], int]:
     """Return the error of a model at a third and at three times its learning rate over that at the rate, and seeds."""
     own = as_error(rows, experiment)
-    own = own[(own["model"] == model) & own["variant"].fillna("").map(lambda name: bool(RATE.search(name)))]
+    own = own.assign(times=own["variant"].fillna("").map(_times))
+    own = own[(own["model"] == model) & own["times"].notna()]
     if own.empty:
         return (np.nan, np.nan), 0
-    times = own["variant"].map(lambda name: float(RATE.search(name)[1]))
-    errors = own.assign(times=times).pivot(index=["protocol", "condition", "seed"], columns="times", values="error")
+    errors = own.pivot(index=["protocol", "condition", "seed"], columns="times", values="error")
     ratios = []
     for wanted in (THIRD, THRICE):
         near = [at for at in errors if np.isclose(at, wanted, rtol=0.05)]
@@ -451,3 +451,9 @@ def _rates(rows: pd.DataFrame, experiment: str, model: str) -> tuple[tuple[float
         mean = np.exp(logs.mean()) if logs.notna().all() else np.inf
         ratios.append(float(mean) if len(logs) else np.nan)
     return (ratios[0], ratios[1]), int(own["seed"].nunique())
+
+
+def _times(variant: str) -> float:
+    """Return at how many times its learning rate a variant was trained; NaN of one that is no such variant."""
+    found = RATE.search(variant)
+    return float(found[1]) if found else np.nan

@@ -6,6 +6,7 @@ what is no model's is of the model `data`.
 """
 
 from collections.abc import Iterator, Mapping
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -22,12 +23,19 @@ from pipeline.scoring.results import read_csv, read_predictions, read_windows
 KEY = ["experiment", "protocol", "condition", "model", "variant", "metric"]
 COLUMNS = [*KEY, "seed", "budget", "unit", "value", "n"]
 LOOK, HALF, FULL = "look", "half", "full"  # budgets of training, from the smallest
-DERIVED_METRICS = ("confusion", "high_pressure_error", "left_right_tilt", "macs", "off_centre_shift", "params")
+DERIVED_METRICS: tuple[str, ...] = (
+    "confusion",
+    "high_pressure_error",
+    "left_right_tilt",
+    "macs",
+    "off_centre_shift",
+    "params",
+)
 DERIVED_METRICS += ("strand_correlation", "train_s")  # those of the one table that are no scores of a model
 DATA = "data"  # the model of a number that is of the data alone
 HIGH_KPA = 200.0  # "when a high pressure is applied": the upper half of the paper's 30 to 400 kPa
 KPA_BINS = np.arange(50.0, 401.0, 50.0)
-Row = Mapping[str, object]
+Row: TypeAlias = dict[str, object]
 
 
 def rows(workspace: Workspace, experiment: str, settings: Mapping) -> pd.DataFrame:

@@ -132,7 +132,7 @@ def held(shares: Mapping[str, float], groups: str) -> str:
     outside = {test: share for test, share in shares.items() if flagged(share)}
     if not outside:
         return ""
-    lowest = min(outside, key=outside.get)
+    lowest = min(outside, key=outside.__getitem__)
     return f"on held-out {groups} it held {100 * outside[lowest]:.3g} % ({lowest})"
 
 
@@ -148,7 +148,8 @@ def coverage(inside: np.ndarray, groups: np.ndarray | None = None) -> Coverage:
     _, place = np.unique(np.arange(len(inside)) if groups is None else groups, return_inverse=True)
     shares = np.bincount(place, weights=inside) / np.bincount(place)
     n, share = len(shares), float(shares.mean())
-    return Coverage(share, *map(float, clopper_pearson(share, n)), n, len(inside))
+    low, high = map(float, clopper_pearson(share, n))
+    return Coverage(share, low, high, n, len(inside))
 
 
 def expected(calibrated: int, tested: int, level: float = LEVEL) -> tuple[float, float]:

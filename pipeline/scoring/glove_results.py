@@ -90,7 +90,7 @@ def pair_shares(counts: np.ndarray) -> np.ndarray:
 
 def splits(settings: Mapping) -> dict[str, list[str]]:
     """Return split -> its protocols, the first being the main one."""
-    by_split = {}
+    by_split: dict[str, list[str]] = {}
     for protocol in settings["protocols"]:
         by_split.setdefault(split_name(protocol), []).append(protocol)
     return by_split

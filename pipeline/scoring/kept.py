@@ -18,6 +18,7 @@ truth, and of READING readings that no model was asked about. The columns by kin
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -121,7 +122,7 @@ def write(path: Path, rows: pa.Table) -> None:
     schemas.write(path, rows.schema, [rows])
 
 
-def _rows(kind: str, count: int, /, **columns) -> pa.Table:
+def _rows(kind: str, count: int, /, **columns: Any) -> pa.Table:
     """Return rows of a kind of input; a column is one value of all, or has one for each: a name, number or array."""
     made = []
     for field in SCHEMAS[kind]:
@@ -185,7 +186,14 @@ def _windows(workspace: Workspace, experiment: str, settings: Mapping) -> Iterat
         lists |= {"force_n": schemas.matrix(shown["force_n"])} if pressed and not alone else {}
         cells = None if alone else _touched(x[:, :2], y[:, :2], settings["sensor"], label)
 
-        def predicted(values, chosen=chosen, under=under_touches, mapped=mapped, cells=cells, truth=truth) -> dict:
+        def predicted(
+            values: np.ndarray,
+            chosen: np.ndarray = chosen,
+            under: np.ndarray = under_touches,
+            mapped: np.ndarray = mapped,
+            cells: np.ndarray | None = cells,
+            truth: np.ndarray = truth,
+        ) -> dict:
             some = values[chosen]
             columns = {"peak": some.max(axis=1)}
             if cells is None:

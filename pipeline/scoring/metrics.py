@@ -61,11 +61,14 @@ def contact_by_frame(truth: np.ndarray, predicted: np.ndarray, settings: Mapping
     That of away_rmse is its square. Arguments: as there, without a failed run.
     """
     true_maps, maps, found, away = _contacts(truth, predicted, settings)
-    over = {"axis": (1, 2), "dtype": np.float64}
+
+    def by_frame(cells: np.ndarray) -> np.ndarray:
+        return cells.sum(axis=(1, 2), dtype=np.float64)
+
     return {
         "touches_found": (found.astype(float), np.ones(len(found))),
-        "sum_ratio": (maps.sum(**over), true_maps.sum(**over)),
-        "away_rmse": (np.square(np.where(away, maps, 0), dtype=np.float64).sum(**over), away.sum(**over)),
+        "sum_ratio": (by_frame(maps), by_frame(true_maps)),
+        "away_rmse": (by_frame(np.square(np.where(away, maps, 0), dtype=np.float64)), by_frame(away)),
     }
 
 
@@ -102,8 +105,8 @@ def series(record: Record, predicted: np.ndarray, outputs: tuple[int, ...]) -> l
     if (press >= 0).all() and len(press):
         numbers, first, size = np.unique(press, return_index=True, return_counts=True)
         halves = [slice(start + count // 2, start + count) for start, count in zip(first, size, strict=True)]
-        means = [np.array([values[half].mean(axis=0) for half in halves]) for values in (truth, guess)]
-        rows += _distances(*means, outputs, "press_")
+        in_truth, in_guess = (np.array([values[half].mean(axis=0) for half in halves]) for values in (truth, guess))
+        rows += _distances(in_truth, in_guess, outputs, "press_")
     return rows
 
 
@@ -185,7 +188,7 @@ def force(force_n: np.ndarray, maps: np.ndarray, gain: float, settings: Mapping)
         return [("force_rmse", "N", np.nan, 0), ("force_r2", "1", np.nan, 0), ("force_gain", "1", gain, 0)]
     predicted = gain * integral_n(as_maps(maps, settings), settings["sensor"])
     rows = overall(force_n, predicted, "N")
-    return [*((f"force_{name}", *row) for name, *row in rows), ("force_gain", "1", gain, len(maps))]
+    return [*((f"force_{name}", unit, value, n) for name, unit, value, n in rows), ("force_gain", "1", gain, len(maps))]
 
 
 def as_maps(maps: np.ndarray, settings: Mapping) -> np.ndarray:

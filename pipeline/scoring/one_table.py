@@ -142,11 +142,13 @@ class Results:
 
 def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path | list[Path]]:
     """Return the files of results that the stages of one experiment write, and of the glove the counts."""
-    files = {"scores": workspace.scores(experiment), "latency": workspace.latency(experiment)}
-    files |= {"claim_inputs": workspace.claim_inputs(experiment)}
-    further = {"glove": {"counts": workspace.reports / "counts.csv"}}
-    further |= {"strain": {"drift": workspace.study("strain", "drift")}}
-    return files | further.get(experiment, {})
+    files: dict[str, Path | list[Path]] = {"scores": workspace.scores(experiment)}
+    files |= {"latency": workspace.latency(experiment), "claim_inputs": workspace.claim_inputs(experiment)}
+    if experiment == "glove":
+        files |= {"counts": workspace.reports / "counts.csv"}
+    if experiment == "strain":
+        files |= {"drift": workspace.study("strain", "drift")}
+    return files
 
 
 def of_own_logs(values: Mapping) -> list[str]:

@@ -107,7 +107,7 @@ def table(paper: str) -> pd.DataFrame:
     rows = []
     for (model, condition, metric), (text, unit) in (_rows(paper) if paper in PRINTED else {}).items():
         size = 0.01 if unit == "%" else float(unit) if unit.startswith("1") else 1.0
-        step = float(Decimal(1).scaleb(Decimal(text).as_tuple().exponent))
+        step = float(Decimal(1).scaleb(int(Decimal(text).as_tuple().exponent)))
         model, variant = ("sp_resnet", f"augmentation_{model}") if model in METHODS else (model, "")
         condition = ANY if metric == "inference time" else condition
         rows.append((condition, model, variant, METRICS[metric], size * float(text), size * step))

@@ -65,9 +65,9 @@ def estimate(values: Sequence[float], scale: str = PLAIN) -> Estimate:
     Fewer than FEWEST runs have no interval. Runs that all have one value tell nothing of their spread: they have none
     either, but for shares at a bound, as of as many trials as there are runs.
     """
-    values = np.asarray(values, dtype=float)
-    good = values[np.isfinite(values)]
-    n, failed = len(good), len(values) - len(good)
+    numbers = np.asarray(values, dtype=float)
+    good = numbers[np.isfinite(numbers)]
+    n, failed = len(good), len(numbers) - len(good)
     if n == 0:
         return Estimate(np.nan, np.nan, np.nan, 0, failed)
     scale = PLAIN if scale == LOG and good.min() <= 0 else scale
@@ -97,8 +97,8 @@ def prediction(values: Sequence[float], scale: str = PLAIN) -> tuple[float, floa
     The t interval of a new value on the scale, turned back (Hahn and Meeker 1991, Statistical intervals), of shares on
     that of their arcsines.
     """
-    values = np.asarray(values, dtype=float)
-    good = values[np.isfinite(values)]
+    numbers = np.asarray(values, dtype=float)
+    good = numbers[np.isfinite(numbers)]
     if len(good) < FEWEST or np.ptp(good) <= SAME * np.abs(good).max():
         return np.nan, np.nan
     there, back = SCALES[PLAIN if scale == LOG and good.min() <= 0 else scale]

@@ -77,7 +77,7 @@ def read_sets(workspace: Workspace) -> dict[str, ShardSet]:
     return sets
 
 
-def _entries(blocks, where: str) -> dict[str, tuple[dict, dict]]:
+def _entries(blocks: object, where: str) -> dict[str, tuple[dict, dict]]:
     """Return name -> (entry, the one that it is `like`); where: what stands before the names, with a dot."""
     if not isinstance(blocks, dict):
         raise InputError(f"{SETS}{where and ', ' + where[:-1]}: expected a block for each name")

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from pipeline.base.facts import Paper
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
 from pipeline.scoring import published, shards
@@ -78,18 +79,23 @@ def paper_table(results: Results, experiment: str) -> list[Column]:
 
     Ours are of the split of the verdicts, the first of `splits`, or of one on which more models are computed.
     """
-    paper, columns = facts(experiment).paper, []
+    paper = facts(experiment).paper
+    columns: list[Column] = []
+    if paper is None:
+        return columns
     own = next(iter(paper.splits))
     for condition in paper.conditions:
-        found = {at: _cells(results, experiment, at.format(condition=condition), condition) for at in paper.splits}
+        found = {
+            at: _cells(results, experiment, paper, at.format(condition=condition), condition) for at in paper.splits
+        }
         split = max(found, key=lambda at: len(found[at])) if any(found.values()) else ""
         columns.append(Column(condition, split, found.get(split, {}), list(found[own])))
     return columns
 
 
-def _cells(results: Results, experiment: str, protocol: str, condition: str) -> dict[str, Cell]:
+def _cells(results: Results, experiment: str, paper: Paper, protocol: str, condition: str) -> dict[str, Cell]:
     """Return model -> its number on a protocol, of the models that the paper prints and the evidence has."""
-    paper, cells = facts(experiment).paper, {}
+    cells: dict[str, Cell] = {}
     if results.shown(experiment, protocol) == LOOK:
         return cells
     for model in published.PRINTED[paper.key]:
@@ -102,7 +108,7 @@ def _cells(results: Results, experiment: str, protocol: str, condition: str) -> 
 
 def readme(results: Results, experiment: str) -> set[tuple[str, ...]]:
     """Return the trainings (columns OF) of which README.md shows a number beside a paper's."""
-    columns = paper_table(results, experiment) if facts(experiment).paper else []
+    columns = paper_table(results, experiment)
     return {cell.training for column in columns for cell in column.cells.values()}
 
 

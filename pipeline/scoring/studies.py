@@ -69,9 +69,12 @@ def rungs(rows: pd.DataFrame, experiment: str, name: str) -> pd.DataFrame:
 def ladders(rows: pd.DataFrame, experiment: str) -> pd.DataFrame:
     """Return the runs of an experiment's ladders, columns LADDER; rows: of the one table."""
     parts = [pd.DataFrame(columns=LADDER)]
+    paper = facts(experiment).paper
     for family, (of, model, name, _, conditions) in FAMILIES.items():
-        own = rungs(rows[rows["model"] == model], of, name) if of == experiment else rows[:0]
-        scores = own[own["metric"] == facts(experiment).paper.metric]
+        if of != experiment or paper is None:
+            continue
+        own = rungs(rows[rows["model"] == model], of, name)
+        scores = own[own["metric"] == paper.metric]
         scores = scores[scores["condition"].isin(conditions or scores["condition"])]
         if len(scores):
             for cost in ("params", "macs"):

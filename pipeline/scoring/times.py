@@ -15,7 +15,7 @@ from pipeline.scoring import shards
 from pipeline.scoring.results import read_csv
 
 LATENCY = "latency"  # the study, and its table
-COLUMNS = ("experiment", "model", "batch", "threads", "p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms")
+COLUMNS: tuple[str, ...] = ("experiment", "model", "batch", "threads", "p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms")
 COLUMNS += ("params", "macs", "train_s", "size_bytes", "calls")  # of latency.csv
 MACHINE = "machine"  # column: the class of machine, as evidence/index.csv names it
 

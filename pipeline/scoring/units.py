@@ -96,7 +96,8 @@ def _blocks(unit: np.ndarray, subject: np.ndarray | None, most: int) -> tuple[np
 
     unit, subject: (n,). Several units in a row are one block where there are more than `most` (of one person).
     """
-    block, whose = np.zeros(len(unit), int), []
+    block = np.zeros(len(unit), int)
+    whose: list[str | None] = []
     for one in [None] if subject is None else np.unique(subject):
         rows = np.full(len(unit), True) if one is None else subject == one
         number = np.unique(unit[rows], return_inverse=True)[1]
@@ -178,7 +179,7 @@ def _times_drawn(sizes: tuple[int, ...]) -> np.ndarray:
     )
 
 
-def _picked(sizes: Sequence[int], fewest: int = 1) -> tuple[np.ndarray, np.ndarray]:
+def _picked(sizes: Sequence[int] | np.ndarray, fewest: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """Return the places of the units of each draw, (DRAWS, m), and which of them count, bool.
 
     Persons are drawn, and of each that is drawn its units. sizes: units of each person, which stand together. Persons
