@@ -49,6 +49,7 @@ def unreadable(path: Path, fmt: Format) -> str | None:
     commas = Counter(line.count(",") for _, line in numbers).most_common(1)[0][0]
     alike = [(number, line) for number, line in numbers if line.count(",") == commas]
     number, line = alike[len(alike) // 2]
+    wrong: str | None
     if commas == 2 * len(fmt.columns) - 2 and "." not in line:
         wrong = "decimals seem to have a comma; write them with a point"
     else:

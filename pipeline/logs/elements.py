@@ -63,7 +63,7 @@ def order_of_elements(
     }
     right = {name: float(np.mean(order[pressed] == strongest)) for name, order in orders.items()}
     said = [f"the pressed element is the strongest in {100 * right[ORDER]:.0f} % of firm contacts"]
-    best = max(right, key=right.get)  # the first of those that are equal, which has a name in words
+    best = max(right, key=right.__getitem__)  # the first of those that are equal, which has a name in words
     printed = np.array(sensor.get("order") or range(rows * cols))
     if right[best] >= right[ORDER] + BETTER:
         return said, [

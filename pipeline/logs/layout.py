@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 from pipeline.base.errors import InputError
 from pipeline.logs import units
@@ -81,7 +81,7 @@ def of(ingest: Mapping, name: str) -> Mapping | None:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[BinaryIO]:
+def opened(path: Path) -> Iterator[gzip.GzipFile | io.BufferedReader]:
     """Open a log, compressed by gzip or not, which is read in parts: what it unpacks to needs no limit.
 
     Raises InputError where the compression is broken.
@@ -212,8 +212,9 @@ class Copies:
     CHANGED = 0.05  # of these; as many come where a copy was torn
     BEYOND = 5.0  # times as many lines alike as by chance
 
-    def __init__(self):
-        self._lines, self._alike, self._last = [0, 0], [0, 0], None  # within a time, and from one time to the next
+    def __init__(self) -> None:
+        self._lines, self._alike = [0, 0], [0, 0]  # within a time, and from one time to the next
+        self._last: list[str] | None = None
 
     def add(self, readings: list[list[str]]) -> None:
         """Take the readings of the lines of one time."""
@@ -245,7 +246,8 @@ class Reader:
         self.layout, self.format, self.where = Layout.model_validate(layout), fmt, where
         given = self.layout
         self._decode = codecs.getincrementaldecoder(given.encoding)("replace").decode
-        self._rest, self._end, self._number, self._count, self._begun = "", None, 0, 0, False
+        self._rest, self._number, self._count, self._begun = "", 0, 0, False
+        self._end: str | None = None  # of lines
         self._strip = [patterns.compiled(pattern) for pattern in given.strip]
         self._begins = None if given.frame_begins is None else patterns.compiled(given.frame_begins)
         self._blanks = " \t" if given.separator == TEXT else f" \t{given.separator}"
@@ -263,7 +265,7 @@ class Reader:
         self._time_place: int | None = None
         if not self._wanted:
             self._places = self._by_number()
-            self._time_place = given.time - 1 if self._field_of_time else None
+            self._time_place = given.time - 1 if self._field_of_time and isinstance(given.time, int) else None
         self._width = given.width
         self._above: list[tuple[int, list[str]]] = []  # number and fields of the lines above the first row, of words
         self._frame: list[tuple[int, str, list[str]]] = []  # number, text and fields of the lines of a frame so far
@@ -276,7 +278,8 @@ class Reader:
         self.copies = Copies()
         self._rounded = False  # their time, which was not cut
         self._before: Decimal | None = None  # time of those before
-        self._days, self._last_s = 0, None
+        self._days = 0
+        self._last_s: Decimal | None = None
         self._zero: int | None = None  # 1970 in the unit of the time
         self._units: tuple[str | None, ...] = ()  # that stand with the time and the readings of the first row
         self._units_line = 0
@@ -287,7 +290,7 @@ class Reader:
         """Tell whether the time is a column of each line."""
         return self._timed and self._searched is None
 
-    def _of_each(self, given) -> list[float]:
+    def _of_each(self, given: float | list[float]) -> list[float]:
         """Return a factor or summand for each reading."""
         each = given if isinstance(given, list) else [given] * len(self._readings)
         if len(each) != len(self._readings):
@@ -314,7 +317,7 @@ class Reader:
             self._check_count(max(0, last - first + 1))
             columns = list(range(first, last + 1))
         self._check_count(len(columns))
-        return [column - 1 for column in columns]
+        return [column - 1 for column in columns if isinstance(column, int)]  # none is a name
 
     def _check_count(self, count: int) -> None:
         if count != len(self._readings):
@@ -430,7 +433,7 @@ class Reader:
             if words:
                 found = beside(words, self.layout.separator)
                 places = self._places_of_readings(len(found))
-                if self._field_of_time:
+                if self._time_place is not None:
                     said = units.of_columns(found, [self._time_place, *places], columns)
                 else:
                     said[1:] = units.of_columns(found, places, columns[1:])
@@ -453,9 +456,9 @@ class Reader:
             unit, where = units.known(text), f"{self.where}: line {number} has '{text}'"
             if k == 0 and self.layout.time_unit is None or k > 0 and "scale" not in given:
                 units.check(text, column, where)
-            elif k == 0 and units.KNOWN.get(unit) == "time" and unit != self.layout.time_unit:
+            elif k == 0 and units.quantity(text) == "time" and unit != self.layout.time_unit:
                 raise units.Unit(f"{where}, but time_unit in its format is {self.layout.time_unit}; write {unit}")
-            elif k > 0 and unit and units.KNOWN[unit] == units.KNOWN.get(units.known(column.unit)):
+            elif k > 0 and unit and units.KNOWN[unit] == units.quantity(column.unit):
                 size, scale = units.factor(text, column, where), self._linear[k - 1][0]
                 if size and abs(abs(scale) / size - 1) > SAME_SCALE:
                     raise units.Unit(
@@ -481,7 +484,7 @@ class Reader:
             was, unit = (text and units.known(text) for text in (before, now))
             if was == unit or units.alike(was, unit) or (column.unit in units.NO_UNIT and not (was and unit)):
                 continue
-            if unit is None or (before and before.startswith(now)):
+            if unit is None or (before and now is not None and before.startswith(now)):
                 return True
             raise units.Unit(
                 f"{self.where}: line {self._number} has '{now}' for {column.name}, but line {self._units_line} has "
@@ -567,7 +570,7 @@ class Reader:
             yield from self._reject(text, UNIT)
             return
         row = self._row(fields, stamp)
-        if row is None:
+        if row is None or said is None:
             yield from self._reject(text, COLUMNS if len(fields) != self._expected() else NOT_A_NUMBER)
             return
         if not self._begun:
@@ -611,10 +614,11 @@ class Reader:
             if value and self._readings[k].words is not None:
                 continue
             if is_missing(value):
-                if self.layout.missing != "previous" or self._previous[k] is None:
+                before = self._previous[k]
+                if self.layout.missing != "previous" or before is None:
                     self._keep(values)
                     return None
-                values[k] = self._previous[k]
+                values[k] = before
                 self.filled[k] += 1
                 self._run[k] += 1
                 self.longest[k] = max(self.longest[k], self._run[k])
@@ -626,10 +630,10 @@ class Reader:
             seconds = self._count / Decimal(repr(self.layout.rate_hz))
             time, rounded = self._in_unit(seconds * NANOSECONDS["s"] / self._unit), False
         else:
-            stamp = fields[self._time_place] if self._field_of_time else stamp
-            time = None if stamp is None else self._time(stamp)
-            if time is None or not abs(time) < LATEST:
+            stamp = stamp if self._time_place is None else fields[self._time_place]
+            if stamp is None or (read := self._time(stamp)) is None or not abs(read) < LATEST:
                 return None
+            time = read
             rounded = "." in stamp or "e" in stamp.lower() or ".%f" in (self.layout.time_pattern or "")
         self._keep(values)
         return time, rounded, [self._reading(k, value) for k, value in enumerate(values)]
@@ -650,9 +654,11 @@ class Reader:
             if not value.is_finite() or value.adjusted() > MOST_DIGITS:
                 return None
             unit = self.layout.time_unit
-            if unit and self._zero is None:
+            if unit is None:
+                return self._in_unit(value)
+            if self._zero is None:
                 self._zero = units.zero(float(value), unit)
-            return self._in_unit((value - self._zero) * NANOSECONDS[unit] / self._unit if unit else value)
+            return self._in_unit((value - self._zero) * NANOSECONDS[unit] / self._unit)
         pattern = self.layout.time_pattern
         if (read := moment(stamp, pattern)) is None:
             return None

@@ -31,7 +31,7 @@ def structures(path: Path, largest: int) -> dict:
     return {name: value for name, value in found.items() if not name.startswith("__")}
 
 
-def variables(path: Path, largest: int, **options) -> dict:
+def variables(path: Path, largest: int, **options: object) -> dict:
     """Read a file of MATLAB's versions 4 to 7; options: of scipy.io.loadmat.
 
     Raises InputError for a file that has more than `largest` bytes, that takes more than twice as much memory to read
@@ -42,5 +42,5 @@ def variables(path: Path, largest: int, **options) -> dict:
         start = file.read(16)
     if start.startswith((b"MATLAB 7.3", b"\x89HDF")):
         raise InputError(f"{path}: MATLAB version 7.3 (HDF5) is not read; load it and save it again with '-v7'")
-    limits = {"memory": 2 * largest, "seconds": SECONDS}
-    return foreign.apart(path, WHOLE, "get it again", scipy.io.loadmat, path, **limits, **options)
+    read = scipy.io.loadmat
+    return foreign.apart(path, WHOLE, "get it again", read, path, memory=2 * largest, seconds=SECONDS, **options)

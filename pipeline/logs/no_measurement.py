@@ -112,7 +112,7 @@ def _where(recordings: Mapping[str, Recording], row: int) -> str:
 
 
 def _said_constant(recordings: Mapping[str, Recording], names: Sequence[str]) -> str:
-    each = [one.found.constant for one in recordings.values()]
+    each = [found for one in recordings.values() if (found := one.found.constant)]
     count, of = sum(len(one.rows) for one in each), sum(len(one.line) for one in recordings.values())
     value = Counter(one.value for one in each).most_common(1)[0][0]
     least = "at least " if any(one.at_least for one in each) else ""
@@ -125,8 +125,7 @@ def _said_constant(recordings: Mapping[str, Recording], names: Sequence[str]) ->
 
 
 def _said_repeated(recordings: Mapping[str, Recording], names: Sequence[str]) -> str:
-    first = next(iter(recordings.values()))
-    found, rate_hz = first.found.repeated, first.rate_hz
+    found, rate_hz = next((each.found.repeated, each.rate_hz) for each in recordings.values() if each.found.repeated)
     where = _where(recordings, found.rows[0])
     if found.regular or found.times > SEVERAL:
         times = f"{found.times:.0f}" if found.regular else f"about {found.times:.2g}"
@@ -305,4 +304,4 @@ def _touched(x: np.ndarray, channel: int, first: int, stop: int) -> bool:
     off = np.abs(x - rest) > OFF_REST * np.where(span > 0, span, np.inf)
     others = np.delete(off[first:stop], channel, axis=1).any(axis=1)
     comes, came = (np.count_nonzero(one[1:] & ~one[:-1]) for one in (others, off[:, channel]))
-    return min(comes, came) >= TOUCHED
+    return bool(min(comes, came) >= TOUCHED)

@@ -124,12 +124,13 @@ def _plain(name: str) -> str:
 def _in_turn(names: list[str], fmt: Format) -> bool:
     """Tell whether names are a time, where the format's is, and one other, or a word with numbers that rise by one."""
     at = fmt.names.index(fmt.time)
-    numbered = [re.fullmatch(r"(.*?)(\d+)", name) for k, name in enumerate(names) if k != at]
+    others = [name for k, name in enumerate(names) if k != at]
     if not _TIME.match(names[at]):
         return False
-    if len(numbered) == 1:
+    if len(others) == 1:
         return True
-    if not all(numbered):
+    numbered = [found for name in others if (found := re.fullmatch(r"(.*?)(\d+)", name))]
+    if len(numbered) < len(others):
         return False
     words, numbers = {each[1] for each in numbered}, [int(each[2]) for each in numbered]
     return len(words) == 1 and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
@@ -194,7 +195,7 @@ def _check_units(line: bytes, fmt: Format, where: str, below: bool = False) -> N
 class _Rejects:
     """Rejected lines by column: 10 million of them take 50 MB."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.numbers: list[np.ndarray] = []  # int32, from 1, rising within an array
         self.codes: list[np.ndarray] = []  # int8, places in REASONS
         self.texts: dict[int, str] = {}  # of the first TEXTS lines of each reason, by number
@@ -293,7 +294,7 @@ def read_log(
     check_rejects(path, lines, rejects.reasons(), limit, key)
     unknown = [number for number in wanted if number not in noted]
     known = noted | dict(zip(unknown, texts(path, unknown) if unknown else [], strict=True))
-    rejects.texts |= {number: known[number] for number in wanted if known[number] is not None}
+    rejects.texts |= {number: text for number in wanted if (text := known[number]) is not None}
     printed_at, rate = packets.spread(time[keep], segment[keep], second(fmt) * 1e-6)
     new_times = rate.packet or wrapped
     if not new_times:
@@ -371,7 +372,8 @@ def texts(path: Path, numbers: list[int]) -> list[str | None]:
 
     None stands for the text of a line that ends in CR alone.
     """
-    printable, first = [], 1  # first: the number of a piece's first line
+    printable: list[str | None] = []
+    first = 1  # the number of a piece's first line
     for piece in _pieces(path, packed=True):
         count = piece.count(b"\n") + (not piece.endswith(b"\n"))
         wanted = numbers[len(printable) : bisect_left(numbers, first + count)]
@@ -444,7 +446,7 @@ def check_rejects(
     lines, reasons = lines - reasons.get(DUPLICATE, 0), {name: n for name, n in reasons.items() if name != DUPLICATE}
     count = sum(reasons.values())
     if count > limit * (lines + following):
-        reason = max(sorted(reasons), key=reasons.get)
+        reason = max(sorted(reasons), key=reasons.__getitem__)
         more = "; its times have too few digits: write more, or set repeats: spread in its format"
         of = f"the first {lines}" if following else f"the {lines}"
         raise InputError(
@@ -540,7 +542,8 @@ def _parse_file(
     """
     tables: list[pa.Table] = []
     rejects = _Rejects()
-    lines, noted, left = 0, {}, path.stat().st_size
+    noted: dict[int, str] = {}
+    lines, left = 0, path.stat().st_size
     pieces = _pieces(path)
     first = next(pieces, b"")
     header, _, rest = first.partition(b"\n")
@@ -574,7 +577,8 @@ def _parse_file(
 def _parse_laid_out(path: Path, fmt: Format, layout: Mapping) -> tuple[list[pa.Table], _Rejects, int, dict[int, str]]:
     """Parse a file of another layout as `_parse_file` does; errors as `layout.Reader`."""
     tables: list[pa.Table] = []
-    rejects, noted, lines = _Rejects(), {}, 0
+    noted: dict[int, str] = {}
+    rejects, lines = _Rejects(), 0
     for block in layouts.lines(path, layout, fmt):
         good, bad = ([line for line in block if (line.reason is None) == wanted] for wanted in (True, False))
         if bad:

@@ -231,11 +231,11 @@ def _stamped(lines: list[str], fmt: Format, common: dict, pattern: str) -> Propo
         common = {"strip": [*common.pop("strip", []), ZONE]} | common
         lines = [re.sub(ZONE, "", line) for line in lines]
     bare = [stamp.sub("", line, count=1).replace('""', "") if stamp.search(line) else "" for line in lines]
-    first = next(k for k, line in enumerate(lines) if stamp.search(line))
-    bare[:first] = _without_field(lines[:first], lines[first], stamp.search(lines[first]).span())
+    first, seen = next((k, seen) for k, line in enumerate(lines) if (seen := stamp.search(line)))
+    bare[:first] = _without_field(lines[:first], lines[first], seen.span())
     if (found := _of_rows(bare, fmt, common, timed=False)) is None:
         return None
-    moments = (layout.moment(stamp.search(line)[0], pattern) for line in lines if stamp.search(line))
+    moments = (layout.moment(text[0], pattern) for text in map(stamp.search, lines) if text)
     seconds = np.array([(at - datetime(1900, 1, 1)).total_seconds() for at in moments if at])
     guesses = [*found.guesses]
     return found._replace(layout=found.layout | _repeats(seconds, 1.0, guesses), guesses=guesses)
@@ -263,7 +263,8 @@ def _is_time(pattern: str, lines: Sequence[str]) -> bool:
     if len(moments) <= SHARE * len(lines[-TRIED:]):
         return False
     if ",%f" in pattern:
-        return len(moments) > 2 and np.mean(np.diff(np.array(moments, "M8[us]")) > np.timedelta64(0)) > RISES
+        rise = np.diff(np.array(moments, "M8[us]")) > np.timedelta64(0)
+        return len(moments) > 2 and bool(np.mean(rise) > RISES)
     return ".%f" not in pattern or any(layout.FRACTION.search(text[0]) for text in map(stamp.search, lines) if text)
 
 
@@ -281,7 +282,7 @@ def _by_day(pattern: str, path: Path) -> str:
         sorted(path.parent.glob("*.log")) + sorted(path.parent.parent.parent.glob(f"*/*/{path.name}"))[:MOST_BESIDE]
     )
     for log in dict.fromkeys([path, *beside]):
-        seen = [(0, 0)]  # the numbers of the dates, as they change
+        seen: list[tuple[str, ...]] = [("", "")]  # the numbers of the dates, as they change
         with layout.opened(log) as file:
             for line in io.TextIOWrapper(file, encoding="latin-1"):
                 if (found := date.search(line[:LONGEST_STAMP].replace("\0", ""))) and found.groups() != seen[-1]:
@@ -491,8 +492,8 @@ def _by_name(names: list[str], left: list[int], readings: list[str]) -> tuple[li
     if all(name in plain for name in readings):
         return [plain.index(name) for name in readings], []
     if all(name in ALIKE for name in readings):
-        fits = [_alike(names, left, name) for name in readings]
-        if None not in fits and len(set(fits)) == len(fits):
+        fits = [place for name in readings if (place := _alike(names, left, name)) is not None]
+        if len(set(fits)) == len(readings):
             said = ", ".join(f"'{names[place]}' is {name}" for place, name in zip(fits, readings, strict=True))
             return fits, [f"that {said}"]
         return None
@@ -526,11 +527,10 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
     """Return how lines can be read that have more columns than are wanted."""
     readings = [column.name for column in fmt.columns if column.name != fmt.time]
     names = _names(table, lines)
-    by_name = timed and names is not None and table.separator != layout.TEXT
     time = _time(table, names) if timed else None
     if timed and time is None:
         return None
-    counter = time if timed and _counts(table, time, names) else None
+    counter = time if time is not None and _counts(table, time, names) else None
     left = [place for place in table.numeric if place != time]
     places, guesses = (_by_name(names, left, readings) if names is not None else None) or (None, [])
     named = places is not None
@@ -551,7 +551,10 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
     if counter is not None:
         return _without_time(table, fmt, common, lines, counter, places)._replace(named=named)
     found = _finished(table, fmt, common, time, places, lines, guesses)
-    if by_name and len(set(names)) == len(names) and all(names):
+    if found is None:
+        return None
+    in_header = timed and table.separator != layout.TEXT
+    if in_header and names is not None and len(set(names)) == len(names) and all(names):
         found.layout.pop("width", None)
         if time is not None:
             found.layout["time"] = names[time]
@@ -564,7 +567,8 @@ def _chosen(table: _Table, fmt: Format, common: dict, lines: list[str], timed: b
 def _names(table: _Table, lines: list[str]) -> list[str] | None:
     """Return what a header above the first row, or the words before the numbers, call the columns; None without."""
     if table.separator == layout.TEXT:
-        line, names, at = lines[table.first], [], 0
+        line, at = lines[table.first], 0
+        names: list[str] = []
         for number in layout.NUMBERS[table.decimal].finditer(line):
             before = re.findall(r"[A-Za-z_]\w*", line[at : number.start()])
             names.append(before[-1] if before else "")
@@ -573,9 +577,11 @@ def _names(table: _Table, lines: list[str]) -> list[str] | None:
             if re.fullmatch("[MW]Pos", name) and names[k + 1 : k + 3] == ["", ""]:
                 names[k : k + 3] = ["x", "y", "z"]
         return names if any(names) else None
-    number, names = _header(table, lines)
-    above = _header(table, lines, number - 1)[1]
-    return names if above is None or units.of_header(names, below=True) == names else above
+    place, header = _header(table, lines)
+    above = _header(table, lines, place - 1)[1]
+    if header is None or above is None or units.of_header(header, below=True) == header:
+        return header
+    return above
 
 
 def _header(table: _Table, lines: list[str], last: int | None = None) -> tuple[int, list[str] | None]:
@@ -604,7 +610,8 @@ def _finished(
     if table.decimal != ".":
         found["decimal"] = table.decimal
     found |= common
-    guesses, said = list(guesses), []
+    guesses = list(guesses)
+    said: list[str] = []
     if "time_pattern" not in common:
         if time is None:
             _refuse_constant(table)
@@ -710,7 +717,11 @@ def _unit(values: np.ndarray, name: str, fmt: Format, guesses: list[str], said: 
         ways = " or ".join(f"{what} (time_unit: {unit})" for unit, what in absolute.items())
         raise InputError(f"the times could be {ways}; write which into the block of this log in `ingest.format`")
     try:
-        unit = units.of_time(written.unit) if units.factor(written.unit, clock, written.where) else None
+        unit = (
+            units.of_time(written.unit)
+            if written.unit is not None and units.factor(written.unit, clock, written.where)
+            else None
+        )
     except units.Unit:
         if not absolute:
             raise
@@ -897,7 +908,9 @@ def _of_frames(lines: list[str], fmt: Format, common: dict) -> Proposal | None:
         if np.mean(np.diff(numbers[:, 0]) > 0) > RISES:
             continue  # a time: these are whole lines of another sensor
         per_frame = readings // width
-        runs, between, run = [], [], 0
+        runs: list[int] = []
+        between: list[str] = []
+        run = 0
         for line, count in zip(lines, whole, strict=True):
             if count == width:
                 run += 1
@@ -925,9 +938,10 @@ def _of_frames(lines: list[str], fmt: Format, common: dict) -> Proposal | None:
             found["frame_begins"] = f"{before}(.*){after}"
             times = np.array(
                 [
-                    float(layout.with_point(number.search(line)[0], "."))
+                    float(layout.with_point(found_in[0], "."))
                     for line in between
                     if number.sub("\0", line) == shape
+                    for found_in in number.finditer(line)
                 ]
             )
             guesses: list[str] = []

@@ -17,7 +17,7 @@ from pipeline.base.facts import Source
 from pipeline.base.files import sha256
 from pipeline.base.paths import Workspace
 
-NUMBERED = re.compile(r"([^{]*)(?:\{([0-9]+\.\.[0-9]+)\})?(.*)")
+NUMBERED = re.compile(r"\{([0-9]+)\.\.([0-9]+)\}")
 
 
 def files(name: str) -> dict[str, str]:
@@ -28,10 +28,10 @@ def files(name: str) -> dict[str, str]:
 
 def members(path: str) -> list[str]:
     """Return the paths of the files that a path of `files` names: one, or those that are numbered."""
-    before, numbers, after = NUMBERED.fullmatch(path).groups()
-    if numbers is None:
+    if (found := NUMBERED.search(path)) is None:
         return [path]
-    first, last = numbers.split("..")
+    first, last = found.groups()
+    before, after = path[: found.start()], path[found.end() :]
     return [f"{before}{number:0{len(first)}d}{after}" for number in range(int(first), int(last) + 1)]
 
 

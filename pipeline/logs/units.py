@@ -107,6 +107,12 @@ def known(text: str) -> str | None:
     return next(alike, ANY_CASE.get(text.lower()))
 
 
+def quantity(text: str) -> str | None:
+    """Return what a unit measures, as SIZES has it; None for a text that is no known unit."""
+    unit = known(text)
+    return KNOWN[unit] if unit else None
+
+
 def bracketed(name: str) -> str | None:
     """Return the text in brackets at the end of a name, which is a unit, known or not; None without."""
     found = BRACKETED.search(name)
@@ -120,9 +126,10 @@ def named(name: str, wanted: str) -> str | None:
     """
     if (text := bracketed(name)) is not None:
         return text
-    ending = ENDING.search(name.strip())
-    unit = ending and known(ending[1])
-    if not unit or (unit in WORDS and KNOWN[unit] != KNOWN.get(known(wanted))):
+    if (ending := ENDING.search(name.strip())) is None:
+        return None
+    unit = known(ending[1])
+    if not unit or (unit in WORDS and KNOWN[unit] != quantity(wanted)):
         return None
     return ending[1]
 
@@ -136,7 +143,7 @@ def factor(said: str | None, column: Column, where: str) -> float | None:
     if said is None or column.unit in NO_UNIT:
         return None
     unit, wanted = known(said), known(column.unit)
-    if KNOWN.get(wanted) == "time" and unit is None:
+    if quantity(column.unit) == "time" and unit is None:
         if NO_UNITS_OF_TIME.fullmatch(said):
             return None
         unit = known(re.split(r"[\s,;]", said)[0])  # ms since start
@@ -160,8 +167,8 @@ class Unit(InputError):
 def check(said: str | None, column: Column, where: str) -> None:
     """Raise Unit where a unit is written with a column that is another than the column's own; where: as of `factor`."""
     size = factor(said, column, where)
-    if size not in (None, 1):
-        key = f"scale: {size:.15g}" if KNOWN[known(column.unit)] != "time" else f"time_unit: {of_time(said)}"
+    if said is not None and size not in (None, 1):
+        key = f"scale: {size:.15g}" if quantity(column.unit) != "time" else f"time_unit: {of_time(said)}"
         raise Unit(
             f"{where}, but {column.name} is in {column.unit}; write `{key}` into the block of this log in "
             "`ingest.format` of settings.yaml, or convert the readings and the word"
@@ -225,10 +232,10 @@ class Beside(NamedTuple):
 
     def unit(self, column: Column) -> str | None:
         """Return the unit that stands with a reading of a column, as it is written there; None without."""
-        wanted = KNOWN.get(known(column.unit))
-        if self.near and (self.sure or known(self.near) not in WORDS or KNOWN[known(self.near)] == wanted):
+        wanted = quantity(column.unit)
+        if self.near and (self.sure or known(self.near) not in WORDS or quantity(self.near) == wanted):
             return self.near
-        fits = (text for text in (self.behind, self.ahead) if text and KNOWN[known(text)] == wanted)
+        fits = (text for text in (self.behind, self.ahead) if text and quantity(text) == wanted)
         return next(fits, named(self.name, column.unit))
 
 
