@@ -1,4 +1,4 @@
-"""What the checks before a commit ask of the whole tree: lint, format, spelling, and files that hosts read."""
+"""What the checks before a commit ask of the whole tree: lint, format, spelling, types, and files that hosts read."""
 
 import re
 import subprocess
@@ -9,7 +9,7 @@ import pytest
 import yaml
 from builders.project import ROOT
 
-CHECKS = (["ruff", "check", "."], ["ruff", "format", "--check", "."], ["codespell_lib"])
+CHECKS = (["ruff", "check", "."], ["ruff", "format", "--check", "."], ["codespell_lib"], ["mypy"])
 
 
 @pytest.mark.parametrize("command", CHECKS, ids=" ".join)
@@ -24,7 +24,7 @@ def test_the_checks_before_a_commit_are_those_of_the_workflow():
     hooks = {hook["entry"].replace(" --force-exclude", "") for hook in local["hooks"]}
     steps = yaml.safe_load((ROOT / ".github/workflows/tests.yml").read_text())["jobs"]["style"]["steps"]
     assert {part.removesuffix(" .") for part in steps[-1]["run"].split(" && ")} == hooks
-    assert hooks == {"ruff check", "ruff format --check", "codespell"}
+    assert hooks == {"ruff check", "ruff format --check", "codespell", "mypy"}
 
 
 def test_a_workflow_runs_what_this_repository_has():
