@@ -144,11 +144,9 @@ def of_experiment(workspace: Workspace, experiment: str) -> dict[str, Path | lis
     """Return the files of results that the stages of one experiment write, and of the glove the counts."""
     files: dict[str, Path | list[Path]] = {"scores": workspace.scores(experiment)}
     files |= {"latency": workspace.latency(experiment), "claim_inputs": workspace.claim_inputs(experiment)}
-    if experiment == "glove":
-        files |= {"counts": workspace.reports / "counts.csv"}
-    if experiment == "strain":
-        files |= {"drift": workspace.study("strain", "drift")}
-    return files
+    further: dict[str, dict[str, Path | list[Path]]] = {"glove": {"counts": workspace.reports / "counts.csv"}}
+    further |= {"strain": {"drift": workspace.study("strain", "drift")}}
+    return files | further.get(experiment, {})
 
 
 def of_own_logs(values: Mapping) -> list[str]:
