@@ -33,8 +33,8 @@ FACTS = Facts(
     sheet="areas_of_glove",
     tested={
         ("session_pressure", "pressure"): "pressure",
-        ("session_strain", "strain"): "strain",
-        ("session_combined", "combined"): "pressure and strain",
+        ("session_strain", "strain"): "bending",
+        ("session_combined", "combined"): "pressure and bending",
     },
     log="scanner.log",
     layout=("ingest.max_reject_fraction",),
@@ -42,7 +42,7 @@ FACTS = Facts(
     quick=("constant", "window_ridge", "window_trees", "naive_bayes", "tree", "sp_resnet"),
     paper=Paper(
         *("sp_resnet", "macro_precision", "precision", 100),
-        conditions={"pressure": "Pressure", "strain": "Bending", "combined": "Both"},
+        conditions={"pressure": "Pressure", "strain": "Bending", "combined": "Pressure and bending"},
         splits={
             "session_{condition}": "split by session, 50 epochs",
             "random_frames_{condition}": "random frames",

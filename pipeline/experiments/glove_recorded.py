@@ -43,8 +43,8 @@ FACTS = Facts(
     sheet="hand",
     tested={
         ("grasp_pressure", "pressure"): "pressure",
-        ("grasp_strain", "strain"): "joint angles",
-        ("grasp_combined", "combined"): "pressure and joint angles",
+        ("grasp_strain", "strain"): "bending",
+        ("grasp_combined", "combined"): "pressure and bending",
     },
     source=Source(
         repository="peter-kiechle/tactile-sensors",

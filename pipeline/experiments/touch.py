@@ -34,9 +34,9 @@ FACTS = Facts(
     seeds="arrays",
     sheet="array",
     tested={
-        ("press", "single"): "single touches",
-        ("press", "double"): "double touches",
-        ("press", "single_anew"): "fresh single touches",
+        ("press", "single"): "one touch",
+        ("press", "double"): "two touches",
+        ("press", "single_anew"): "one touch, at new places",
         ("press", "several"): "several touches at once",
     },
     log="array.log",

@@ -17,7 +17,7 @@ from pipeline.reporting import experiment
 from pipeline.reporting.figures import answers, common, style
 from pipeline.reporting.figures import glove as figures
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import capitalised, form_name, model_name, plain
+from pipeline.reporting.words.labels import capitalised, form_name, model_name, plain, task_name
 from pipeline.scenes import glove as glove_scene
 from pipeline.scoring import glove_results, kept
 from pipeline.scoring.glove_results import COMPARED, MOST_CONFUSED
@@ -29,7 +29,6 @@ FRAMES_OF = ("combined", "pressure")  # datasets of figure 15
 SHOWN_N = 0.6  # of figure 7
 HELD_DEG, HELD_S = (0.0, 30.0, 45.0, 60.0, 90.0), 160.0  # of figure 9a: one after the other
 BENDS = (300, 500 / 300)  # of figure 9b: how many, s
-DATASETS = {"pressure": "pressure", "strain": "strain", "combined": "combined"}
 WRONG = ("accuracy", "Images classified incorrectly (%)")
 
 
@@ -54,10 +53,11 @@ def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> 
     draw_laws(accuracy, settings)
     draw_readings(report, accuracy, next(iter(protocols.values())))
     asked = dict.fromkeys(protocols if "sp_resnet" in report.models else (), "sp_resnet")
-    draw_confusions(report, accuracy, "figure14", asked, DATASETS)
+    draw_confusions(report, accuracy, "figure14", asked)
     if "combined" in asked:
         draw_mistaken(report, accuracy / answers.FILE, protocols["combined"])
-    experiment.learning_curves(report, accuracy / "learning_curves.png", protocols, "nats")
+    groups = {task_name(dataset): protocol for dataset, protocol in protocols.items()}
+    experiment.learning_curves(report, accuracy / "learning_curves.png", groups, "nats")
     report.write(
         accuracy / "README.md",
         "glove",
@@ -69,7 +69,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> 
         confused={dataset: list(most_confused(report, dataset, protocols[dataset])) for dataset in asked},
         yardstick=settings["yardstick"],
     )
-    panels = {dataset: (protocol, dataset) for dataset, protocol in protocols.items()}
+    panels = {task_name(dataset): (protocol, dataset) for dataset, protocol in protocols.items()}
     experiment.write_speed(report, target, settings, panels, WRONG)
 
 
@@ -210,13 +210,8 @@ def draw_readings(report: Report, folder: Path, protocol: str) -> None:
     figures.tactile_sequences(folder / "figure13.png", sequences, glove_experiment.PRESSURE_CELLS, title)
 
 
-def draw_confusions(
-    report: Report, folder: Path, name: str, models: Mapping[str, str], names: Mapping[str, str]
-) -> None:
-    """Draw <name>_<dataset>.png, the confusions of all seeds that are kept, together.
-
-    models: dataset -> the model that predicted; names: dataset -> its name.
-    """
+def draw_confusions(report: Report, folder: Path, name: str, models: Mapping[str, str]) -> None:
+    """Draw <name>_<dataset>.png, the confusions of all seeds that are kept, together; models: dataset -> the model."""
     protocols = glove_results.main_protocols(report.settings)
     for dataset, model in models.items():
         rows = report.drawn(protocols[dataset])
@@ -227,5 +222,5 @@ def draw_confusions(
         matrix = counts.pivot_table("images", "object", "named", "sum", fill_value=0, observed=True)
         matrix = matrix.reindex(index=objects, columns=objects, fill_value=0).to_numpy()
         caption = report.caption(protocols[dataset], counts["seed"].nunique())
-        title = f"{capitalised(names[dataset])}: {model_name(model)}\n{caption}"
+        title = f"{capitalised(task_name(dataset))}: {model_name(model)}\n{caption}"
         common.confusion_matrix(folder / f"{name}_{dataset}.png", matrix, objects, title)

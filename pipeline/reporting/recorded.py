@@ -10,14 +10,13 @@ import numpy as np
 from pipeline import experiments
 from pipeline.base import files
 from pipeline.base.paths import Workspace
-from pipeline.datasets import images
 from pipeline.reporting import array, glove, strain
 from pipeline.reporting import experiment as common_parts
 from pipeline.reporting.experiment import Parts
 from pipeline.reporting.figures import common
 from pipeline.reporting.glove import draw_confusions
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import plain
+from pipeline.reporting.words.labels import plain, task_name
 from pipeline.scoring import kept, studies
 from pipeline.scoring.glove_results import NETWORKS, main_protocols, splits
 from pipeline.scoring.results import estimate
@@ -31,7 +30,6 @@ MEASURES = {  # of a task: heading -> metric
     "xy": {"Error (mm)": "error", "R2 x": "r2_x", "R2 y": "r2_y"}
     | {f"R2 {axis}, per press": f"press_r2_{axis}" for axis in "xy"},
 }
-DATASETS = {"pressure": "pressure", "strain": "joint angles", "combined": "combined"}
 
 
 def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping, look: bool) -> None:
@@ -140,14 +138,13 @@ def confusions(workspace: Workspace, folder: Path, settings: Mapping, report: Re
         good = [model for model in (*NETWORKS, "sp_resnet_nogcam") if model in values and not values[model].failed]
         if good := [model for model in good if values[model].runs]:
             best[dataset] = max(good, key=lambda model, values=values: values[model].mean)
-    draw_confusions(report, folder, "confusion", best, DATASETS)
-    groups = {DATASETS[dataset]: protocol for dataset, protocol in protocols.items()}
+    draw_confusions(report, folder, "confusion", best)
+    groups = {task_name(dataset): protocol for dataset, protocol in protocols.items()}
     common_parts.learning_curves(report, folder / "learning_curves.png", groups, "nats")
     words = {
         "splits": splits(settings),
         "objects": report.kept["object"].nunique(),
         "probe": {name: estimate(100 * rows["value"]) for name, rows in probe.groupby("input", sort=False)},
-        "names": {dataset: DATASETS[dataset] for dataset in images.MODALITIES},
     }
-    speed = {DATASETS[dataset]: (protocol, dataset) for dataset, protocol in protocols.items()}
+    speed = {task_name(dataset): (protocol, dataset) for dataset, protocol in protocols.items()}
     return Parts(glove.score_table(report), speed, glove.WRONG, words)

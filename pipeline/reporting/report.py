@@ -15,7 +15,7 @@ from pipeline.experiments import facts
 from pipeline.reporting import differences
 from pipeline.reporting.claims import tables_of
 from pipeline.reporting.words import templates
-from pipeline.reporting.words.labels import model_name, plain
+from pipeline.reporting.words.labels import model_name, split_name
 from pipeline.reporting.words.markdown import interval, number, size, table
 from pipeline.scoring import kept, one_table, published, results, shards, shown
 from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
@@ -98,7 +98,7 @@ class Report:
     def origins(self) -> str:
         """Return a table of what the numbers of each protocol are of; empty where they are of own logs."""
         rows = [
-            [plain(protocol), self.basis(protocol), each.data if shown != LOOK else "what the settings name"]
+            [split_name(protocol), self.basis(protocol), each.data if shown != LOOK else "what the settings name"]
             for protocol, each in self._sets.items()
             for shown in [self.results.shown(self.experiment, protocol)]
             if protocol in self.protocols
@@ -140,7 +140,7 @@ class Report:
             number += " together"
         elif runs > 1:
             number = f"{f'{together} together' if together > 1 else 'first'} of {number}"
-        return f"{BUDGETS[budget].removeprefix('the ')}, {number}, test part of {plain(protocol)}"
+        return f"{BUDGETS[budget].removeprefix('the ')}, {number}, test part of {split_name(protocol)}"
 
     def curves(self, protocols: Iterable[str]) -> pd.DataFrame:
         """Return the losses of all trainings of more than one epoch: CURVE and `budget`, of the shards or of the look.
@@ -226,7 +226,7 @@ class Report:
                 if any(at == budget for _, at in found):
                     values = [estimate(runs, scale_of(metric)) for runs, _ in found]
                     said = [self.text(value, metric) for value in values]
-                    lines.append([f"{plain(protocol)}, {budget}", *said])
+                    lines.append([f"{split_name(protocol)}, {budget}", *said])
         header, *rows = zip(*lines, strict=True)
         return table(header, rows) if len(lines) > 1 else ""
 

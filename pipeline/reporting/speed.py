@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline.base.errors import InputError
 from pipeline.base.processes import processor
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import FRONTS, MACHINES, SPREAD, TIMES, model_name, plain
+from pipeline.reporting.words.labels import FRONTS, MACHINES, SPREAD, TIMES, model_name, split_name
 from pipeline.reporting.words.markdown import interval, size
 from pipeline.reporting.words.templates import render
 from pipeline.scoring import results, times
@@ -158,7 +158,7 @@ def speed_text(speeds: pd.DataFrame, note: str) -> str:
         row += [seconds(time) for time in by_panel.drop_duplicates("protocol")["train_s"]]
         row += [size(first[key]) for key in WEIGHT]
         rows.append([*row, *(fronts(by_panel, column) for column in FRONTS.values())])
-    training = [f"Training, {plain(name)} (s)" for name in protocols] if len(protocols) > 1 else ["Training (s)"]
+    training = [f"Training, {split_name(name)} (s)" for name in protocols] if len(protocols) > 1 else ["Training (s)"]
     header = ["Model", *(f"{panel}: {measure}" for panel in panels)]
     of, at = (f" of batch {batch}", f", batch {large}") if batch else ("", "")
     header += [f"Median{of} [of rounds] (ms)", "95th percentile (ms)"]

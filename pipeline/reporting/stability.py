@@ -17,7 +17,14 @@ from pipeline.claims.stability import DOWN, FAILURES, FLOOR, LINEAR, LOG, NO_CLE
 from pipeline.experiments import facts
 from pipeline.reporting.figures import stability as figures
 from pipeline.reporting.tables import Table
-from pipeline.reporting.words.labels import capitalised, condition_name, experiment_name, model_name, perturbation
+from pipeline.reporting.words.labels import (
+    capitalised,
+    condition_name,
+    experiment_name,
+    model_name,
+    perturbation,
+    split_name,
+)
 from pipeline.reporting.words.markdown import number
 from pipeline.reporting.words.templates import render
 from pipeline.scoring import one_table, results, shards
@@ -147,7 +154,7 @@ def condition(
 
 def protocol_words(protocol: str) -> str:
     """Return the split of a protocol."""
-    return f"split {protocol.replace('_', ' ')}"
+    return f"split {split_name(protocol)}"
 
 
 def runs_of(rows: pd.DataFrame, things: str = "seeds") -> str:

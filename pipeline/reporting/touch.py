@@ -14,7 +14,7 @@ from pipeline.reporting.figures import touch as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.speed import timed
 from pipeline.reporting.words import templates
-from pipeline.reporting.words.labels import TIMES, model_name, plain
+from pipeline.reporting.words.labels import TIMES, model_name, plain, task_name
 from pipeline.scoring import kept, metrics, studies, times
 
 UNITS = {  # of table1.csv
@@ -51,7 +51,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> 
         ablation=ablation(report, main, settings["window"]["frames"]),
         yardstick=settings["yardstick"],
     )
-    panels = {f"{name} touch": (main, name) for name in ("single", "double") if name in conditions}
+    panels = {task_name(name): (main, name) for name in ("single", "double") if name in conditions}
     machine = times.one_machine([row[times.MACHINE] for row in timed(report, settings).values()], TIMES["p50_ms"])
     end = "\n" + templates.render("touch_times", r=report, machine=machine)
     experiment.write_speed(report, target, settings, panels, ("rmse", "RMSE (kPa)"), end=end)

@@ -7,7 +7,7 @@ TITLES = {  # of columns -> what a run calls the score, and how many of the tabl
     **{"One touch": ("main/single.rmse", 1), "Two touches": ("main/double.rmse", 1)},
     **{"Task 1": ("main/task_1.error", 1), "Task 2": ("main/task_2.error", 1)},
     **{"Pressure": ("main/pressure.macro_precision", 100), "Bending": ("main/strain.macro_precision", 100)},
-    "Both": ("main/combined.macro_precision", 100),
+    "Pressure and bending": ("main/combined.macro_precision", 100),
 }
 NUMBER = re.compile(r"\[([\d.]+)\]\(reports/(shards\.md#[\w-]+)\)(?: \[[\d., ]+\])?$")
 

@@ -414,7 +414,7 @@ def test_models_and_conditions_can_be_left_out(workspace, unplotted, monkeypatch
     assert not re.search(NEVER, text)
     assert set(re.findall(r"\]\((\w+\.png)\)", text)) == {path.name for path in target.glob("*.png")}
     if experiment == "touch":
-        assert "no recordings of double touch" in text and not (target / "figure6.png").exists()
+        assert "no recordings of two touches" in text and not (target / "figure6.png").exists()
 
 
 def test_predictions_must_cover_the_test_windows(workspace, made):

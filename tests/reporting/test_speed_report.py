@@ -178,7 +178,7 @@ def test_text_says_failed_and_names_the_fronts(workspace, measured):
     (tree,) = [row for row in rows if row[0] == "Decision tree"]
     assert tree[3:8] == ["1.000 [0.950, 1.050]", "9.000", "1,000", "3.0", "11.0"]
     assert tree[9] == "-" and tree[-1] == "all"
-    assert rows[0][6:8] == ["Training, session strain (s)", "Training, session pressure (s)"] and "A note." in text
+    assert rows[0][6:8] == ["Training, session, bending (s)", "Training, session, pressure (s)"] and "A note." in text
 
 
 @pytest.mark.parametrize(

@@ -199,7 +199,7 @@ def test_training_with_faults_stands_beside_the_plain_one(workspace, made, undra
     text = made[1]()
     helped = pd.read_csv(workspace.reports / "stability" / "helped.csv").set_index(["perturbation", "direction"])
     assert helped.loc[("dead", "up"), "ratio"] == pytest.approx(3.75 / (4 / 2.04))
-    told = {line[3]: line for line in cells(text) if line[:2] == ["Touch, double touches", "LoMP"]}
+    told = {line[3]: line for line in cells(text) if line[:2] == ["Touch, two touches", "LoMP"]}
     assert set(told) == {
         "Dead elements (number of elements)",
         "Speed of a press, below 0 (factor, as a power of 2)",  # of noise neither loses half
@@ -261,7 +261,7 @@ def test_the_sentences_are_right(workspace, made, undrawn):
     made[1]()
     (row,) = pd.read_csv(workspace.reports / "stability" / "findings.csv").to_dict("records")
     assert row["breaks"] == (
-        "What breaks first (double touches) is dead elements, under which both models lose half of their skill, CNN "
+        "What breaks first (two touches) is dead elements, under which both models lose half of their skill, CNN "
         "first, at less than one, and LoMP last, at 2 [1.9, 2] (number of elements)."
     )
     assert row["holds"] == (
@@ -279,7 +279,7 @@ def test_no_usable_model_is_one_sentence(workspace, made, undrawn):
     made[0]["stress"]["touch"]["usable"] = {"press": 1.0}
     text = made[1]()
     assert (
-        "No model is usable even before anything is perturbed (double touches): the least error is 2.00 kPa, of LoMP, "
+        "No model is usable even before anything is perturbed (two touches): the least error is 2.00 kPa, of LoMP, "
         "where the limit of use is 1.00 and a constant has 10.00." in " ".join(text.split())
     )
     assert pd.read_csv(workspace.reports / "stability" / "failures.csv").empty

@@ -18,13 +18,7 @@ from pipeline.scoring import kept
 
 FILM_AREA_M2 = 1e-4  # the paper's 1 cm x 1 cm sample (section II-A)
 TOUCH_MODELS = ("lomp", "rnn", "cnn", "convlstm")  # of figure 6
-MAP_NAMES = {  # condition -> its name in figure 8
-    "single": "one touch",
-    "double": "two touches",
-    "three": "three touches",
-    "slide": "two sliding touches",
-    "tape": "rolled tape",
-}
+PEAK_MODELS = ("linear", "cnn", "rnn", "lomp")  # of figure 4
 
 
 class Windows(NamedTuple):
@@ -125,7 +119,7 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, pd.DataFrame]
     handles = [Line2D([], [], **MEASURED), Line2D([], [], color=style.GREY)]
     names = ["label (largest value of the map)", "prediction (coloured; largest value of the map)"]
     figure.legend(handles, names, loc="outside lower center", ncols=2)
-    title = "Figure 4: single touch, true and predicted peak pressure, and mean L1 loss of the map"
+    title = "Figure 4: one touch, true and predicted peak pressure, and mean L1 loss of the map"
     figure.suptitle(style.literal(f"{title}\n{caption}"))
     style.save(figure, path)
 
@@ -206,7 +200,7 @@ def double_touch(path: Path, windows: Windows, maps: Mapping[str, pd.DataFrame],
         handles.append(Line2D([], [], color=look.color, linestyle=look.linestyle, marker=look.marker))
     names = ["label", *(model_name(model) + _failure(values[model]) for model in drawn)]
     axes[0].legend(handles, names, loc="upper left", bbox_to_anchor=(1, 1))
-    title = "Figure 6: double touch, largest value of label and predicted map within each pressed element"
+    title = "Figure 6: two touches, largest value of label and predicted map within each pressed element"
     figure.suptitle(style.literal(f"{title}\n{caption}"))
     style.save(figure, path)
 
@@ -216,7 +210,7 @@ def error_distribution(path: Path, windows: Windows, maps: Mapping[str, pd.DataF
 
     maps: see `windows_of`; caption: what they are of.
     """
-    names = {kept.SOME: "single touch (test presses)", kept.SEVERAL: "double touch"}
+    names = {kept.SOME: "one touch (test presses)", kept.SEVERAL: "two touches"}
     conditions = [name for name in names if (windows.condition == name).any()]
     added = " and when a second touch is added" if kept.SEVERAL in conditions else ""
     errors = {

@@ -9,7 +9,7 @@ from pipeline.claims import entries
 from pipeline.claims.rules import VERDICTS
 from pipeline.reporting import claims as claim_text
 from pipeline.reporting.page.hypertext import SIGNS, anchor, fill, markdown
-from pipeline.reporting.words.labels import plain
+from pipeline.reporting.words.labels import split_name
 from pipeline.scoring.results import read_csv
 
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "verdict", "reason"]
@@ -40,7 +40,7 @@ def row_of(row, paper: entries.Paper) -> dict:
             claim_text.ours_text(row.ours, row.low, row.high, row.unit),
         )
     )
-    split = plain(row.protocol)
+    split = split_name(row.protocol)
     runs, budget = claim_text.runs_text(row.seeds, row.over), f"budget {row.budget}"
     place = [paper.title, str(row.section), f"{row.data} data", split and f"split {split}"]
     place += [runs] if row.seeds else []

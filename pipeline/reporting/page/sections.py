@@ -25,7 +25,7 @@ from pipeline.reporting.page import answers, charts, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
 from pipeline.reporting.stability import FINDINGS, by_test, intervals, stability_table
 from pipeline.reporting.tables import Table
-from pipeline.reporting.words.labels import condition_name, experiment_name, plain
+from pipeline.reporting.words.labels import condition_name, experiment_name, plain, task_name
 from pipeline.scoring import one_table, shards
 from pipeline.scoring.results import read_csv
 
@@ -216,7 +216,7 @@ def provenance(workspace: Workspace, data: Mapping[str, str]) -> Markup:
     for experiment, said in data.items():
         own = scores[(scores["experiment"] == experiment) & (scores["metric"] == facts(experiment).metric)]
         tested = own.groupby("condition", sort=False)["n"].max()
-        items = ", ".join(f"{plain(condition)}: {n:,.0f}" for condition, n in tested.items()) or "-"
+        items = ", ".join(f"{task_name(condition)}: {n:,.0f}" for condition, n in tested.items()) or "-"
         rows.append([experiment_name(experiment), said, items])
     return fill(
         "provenance",

@@ -41,7 +41,16 @@ LABELS = {
 }
 
 MEASURES = {"rmse": "RMSE", "error": "Error", "accuracy": "Accuracy"}  # that models are compared by
-TASKS = {"single": "single touch", "double": "double touch"}  # condition -> what is tested; others are words already
+CONDITIONS = {  # condition -> what is tested; others are words already
+    "single": "one touch",
+    "double": "two touches",
+    "three": "three touches",
+    "slide": "two sliding touches",
+    "tape": "rolled tape",
+    "pressure": "pressure",
+    "strain": "bending",
+    "combined": "pressure and bending",
+}
 FOLDS = {"fold": "fitted to one contact", "two_too": "fitted to two contacts, too"}  # folds, without their number
 PERTURBATIONS = {  # stress test -> its name, and what it does
     "noise": ("noise", "white noise; standard deviation as share of the sensor's range"),
@@ -116,12 +125,18 @@ def condition_name(experiment: str, protocol: str, condition: str) -> str:
     if name := facts(experiment).tested.get((protocol, condition)):
         return name
     said = condition in ("all", protocol) or protocol.endswith(f"_{condition}")
-    return plain(protocol if said else f"{protocol}, {condition}")
+    return split_name(protocol) if said else f"{split_name(protocol)}, {task_name(condition)}"
 
 
 def task_name(condition: str) -> str:
     """Return what a condition tests, in words."""
-    return TASKS.get(condition, plain(condition))
+    return CONDITIONS.get(condition, plain(condition))
+
+
+def split_name(protocol: str) -> str:
+    """Return a protocol in words; of one that ends in a condition, `session_strain`, that has its name."""
+    split, _, condition = protocol.rpartition("_")
+    return f"{plain(split)}, {CONDITIONS[condition]}" if split and condition in CONDITIONS else plain(protocol)
 
 
 def perturbation(key: str) -> tuple[str, str, str]:
@@ -154,5 +169,4 @@ def capitalised(text: str) -> str:
 def place_name(protocol: str, condition: str) -> str:
     """Return protocol and condition in words; of a protocol's one condition, the protocol alone says it."""
     named = condition == protocol or protocol.endswith(f"_{condition}")
-    words = plain(protocol) if named else f"{plain(protocol)}, {condition}"
-    return words[:1].upper() + words[1:]
+    return capitalised(split_name(protocol) if named else f"{split_name(protocol)}, {task_name(condition)}")

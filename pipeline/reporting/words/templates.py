@@ -31,5 +31,6 @@ def _environment() -> Environment:
     )
     environment.filters |= {"number": markdown.number, "interval": markdown.interval, "size": markdown.size}
     environment.filters |= {"model_name": labels.model_name, "literal": markdown.literal, "plain": labels.plain}
+    environment.filters |= {"task_name": labels.task_name, "split_name": labels.split_name}
     environment.globals |= {"table": markdown.table, "zip": zip}
     return environment
