@@ -17,7 +17,6 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import rules
 from pipeline.reporting import experiment as common_parts
 from pipeline.reporting.experiment import Parts
-from pipeline.reporting.figures import array as figures
 from pipeline.reporting.figures import common
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import FOLDS, capitalised, model_name, plain
@@ -30,6 +29,7 @@ UNITS = {MAIN: "% contact", "r2": "1", "touches_found": "1", "sum_ratio": "1", "
 WITHOUT_TIME = ("convlstm", "rnn")  # models of LoMP's Table I that would see frames one after another
 SHOWN = ("lomp", "cnn", "linear_array")  # models of pictures of frames, and of the table by person
 RATIO = "rmse_ratio"
+CONTACT = common.Maps("Contact", "%", "Share of a cell in contact (%)", 100.0)
 POOLED = ["protocols", "variant", "condition", "model", "metric", "unit", *Estimate._fields, "n"]
 BY_FOLD = ["protocol", "condition", "model", "metric", "unit", *Estimate._fields]
 PERSONS = ["protocol", "person", *BY_FOLD[1:], "n"]
@@ -262,4 +262,5 @@ def draw(report: Report, folder: Path, protocol: str, conditions: Mapping[str, s
     readings, truth = np.stack(label["counts"].iloc[at]), maps.pop(kept.LABEL)
     source = experiments.facts(report.experiment).source
     credit = f"{caption}; recordings: {source.repository}, {source.licence}"
-    figures.frames(folder / "frames.png", credit, names, readings, truth, maps, sensor)
+    chosen = "Frames spread evenly over the test part, chosen before any model was fitted"
+    common.maps(folder / "frames.png", chosen, credit, names, readings, truth, maps, sensor, CONTACT)

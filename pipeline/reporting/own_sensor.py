@@ -167,7 +167,9 @@ def draw_windows(
     windows = [f"window {k + 1}" for k in range(len(hard))]
     counts = schemas.matrix(rows["x"])[hard, -sensor["rows"] * sensor["cols"] :]
     hardest = {model: values[hard] for model, values in maps.items()}
-    yield "maps", lambda path: common.maps(path, title, windows, counts, truth[hard], hardest, sensor)
+    of = common.pressures(truth[hard])
+    chosen = "Windows pressed hard"
+    yield "maps", lambda path: common.maps(path, chosen, title, windows, counts, truth[hard], hardest, sensor, of)
 
 
 def draw_series(

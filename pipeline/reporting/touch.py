@@ -1,5 +1,6 @@
 """Write reports/touch: Table I and Table II of the LoMP paper beside the published numbers, and its figures."""
 
+import textwrap
 from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
@@ -97,9 +98,9 @@ def draw(report: Report, folder: Path, settings: Mapping, protocol: str) -> None
         figures.double_touch(folder / "figure6.png", windows, maps, sensor, caption)
     figures.error_distribution(folder / "figure7.png", windows, maps, caption)
     if set(windows.condition) & SEVERAL_TOUCHES:
-        title = "Figure 8: from readings to a pressure map; grid lines are the borders of the elements"
+        title = "Figure 8: from readings to pressure maps"
         label = settings["label"]
-        names = [name for name in figures.MAP_NAMES if (windows.mapped & (windows.condition == name)).any()]
+        names = [name for name in CONDITIONS if (windows.mapped & (windows.condition == name)).any()]
         at = [int(np.flatnonzero(windows.mapped & (windows.condition == name))[0]) for name in names]
         drawn = {
             model: np.stack(maps[model]["map"].iloc[at]).reshape(-1, label["map_rows"], label["map_cols"])
@@ -107,8 +108,8 @@ def draw(report: Report, folder: Path, settings: Mapping, protocol: str) -> None
             if model in maps
         }
         truth = drawn.pop(kept.LABEL).astype(float)
-        named = [figures.MAP_NAMES[name] for name in names]
-        common.maps(folder / "figure8.png", f"{title}\n{caption}", named, windows.counts[at], truth, drawn, sensor)
+        named, of = [textwrap.fill(task_name(name), 12) for name in names], common.pressures(truth)
+        common.maps(folder / "figure8.png", title, caption, named, windows.counts[at], truth, drawn, sensor, of)
         if "double" in names and {"lomp", "cnn"} <= drawn.keys():
             k = names.index("double")
             shown = {"truth": truth[k]} | {model_name(model): drawn[model][k] for model in ("lomp", "cnn")}

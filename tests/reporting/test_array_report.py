@@ -16,7 +16,6 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import rules
 from pipeline.datasets import schemas
 from pipeline.reporting import array
-from pipeline.reporting.figures import array as figures
 from pipeline.reporting.figures import common
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import model_name
@@ -62,8 +61,8 @@ def shown(made, tmp_path_factory):
     shutil.copytree(made.root, copy.root)
     with pytest.MonkeyPatch.context() as patch:
         made_reports.unplot(patch)
-        for module, name in ((figures, "frames"), (common, "boxes")):
-            patch.setattr(module, name, lambda path, *given, name=name: drawn.update({name: given}) or path.touch())
+        for name in ("maps", "boxes"):
+            patch.setattr(common, name, lambda path, *given, name=name: drawn.update({name: given}) or path.touch())
         return made_reports.rendered(copy, EXPERIMENT, SETTINGS, patch) / "accuracy", drawn
 
 
@@ -170,7 +169,7 @@ def test_each_person_has_one_row_of_the_fold_that_tests_on_them(made, shown):
 
 
 def test_figures_show_the_frames_that_are_kept_and_their_own_maps(made, shown):
-    (caption, names, readings, truth, maps, sensor), errors = shown[1]["frames"], shown[1]["boxes"][0]
+    (_, caption, names, readings, truth, maps, sensor, _), errors = shown[1]["maps"], shown[1]["boxes"][0]
     assert "full budget, first of 3 starts, test part of fold 0" in caption and "CC BY-NC-SA 4.0" in caption
     assert list(maps) == ["lomp", "cnn", "linear_array"] and sensor == SETTINGS["sensor"]
     assert [name.split("\n")[0] for name in names] == [words for words in NAMES.values() for _ in range(kept.MAPPED)]
@@ -226,10 +225,11 @@ def test_the_scores_by_fold_are_those_of_the_results(shown, report):
 
 def test_frames_are_drawn_with_one_scale_and_each_map_s_error_below_it(tmp_path, monkeypatch):
     drawn, rng = [], np.random.default_rng(0)
-    monkeypatch.setattr(figures.style, "save", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr(common.style, "save", lambda figure, path: drawn.append(figure))
     truth, sensor = np.zeros((2, 4, 4)), {"rows": 2, "cols": 2, "pitch_mm": 9.6}
     maps = {"lomp": truth + np.array([3.0, 40.0])[:, None, None], "cnn": np.full((2, 4, 4), np.nan)}
-    figures.frames(tmp_path / "a.png", "of $x", ["a", "b"], rng.uniform(0, 300, (2, 4)), truth, maps, sensor)
+    readings, of = rng.uniform(0, 300, (2, 4)), array.CONTACT
+    common.maps(tmp_path / "a.png", "Frames", "of $x", ["a", "b"], readings, truth, maps, sensor, of)
     axes = np.array(drawn[0].axes[:8]).reshape(2, 4)
     assert [ax.get_title() for ax in axes[0]] == ["Reading", "Contact", "LoMP", "CNN"]
     assert [ax.get_xlabel() for ax in axes[:, 2]] == ["RMSE 3.0 %", "RMSE 40.0 %"]
@@ -237,4 +237,4 @@ def test_frames_are_drawn_with_one_scale_and_each_map_s_error_below_it(tmp_path,
     assert {ax.images[0].get_clim() for ax in axes[:, 1:].flat} == {(0, 100)}
     assert len({ax.images[0].get_clim() for ax in axes[:, 0]}) == 1
     assert r"of \$x" in drawn[0].get_suptitle()
-    figures.style.plt.close("all")
+    common.style.plt.close("all")

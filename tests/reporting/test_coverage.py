@@ -29,7 +29,17 @@ def table(workspace) -> pd.DataFrame:
 def test_a_row_is_of_the_model_with_the_narrowest_intervals_of_the_first_output(workspace):
     first, second = coverage.rows(table(workspace))
     assert first == [
-        *("Press, one touch", "force_n, touch", "Linear", "20 presses", "4.00 N", "80 [80, 80]", "30", "chance", "1 of 2"),
+        *(
+            "Press, one touch",
+            "force_n, touch",
+            "Linear",
+            "20 presses",
+            "4.00 N",
+            "80 [80, 80]",
+            "30",
+            "chance",
+            "1 of 2",
+        ),
         "Linear 80 (chance)",
     ]
     assert second == [

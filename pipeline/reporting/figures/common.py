@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+from matplotlib.colors import Normalize, PowerNorm
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from pipeline.reporting.figures import style
 from pipeline.reporting.figures.style import MEASURED, model_style
@@ -20,6 +22,7 @@ COLOURS = (style.BLUE, style.VERMILION, style.BLACK)  # of groups of runs
 GAP = 3.0  # median intervals; no line is drawn over a longer one
 LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
 LEAST_SQUARE = 1e-6  # squared error on a logarithmic axis
+SIDE_IN = 1.55  # of a map, inches
 MARGIN = 0.3  # of the range of true values, by which predicted ones may leave it in a cloud of points
 
 
@@ -257,45 +260,79 @@ def agreement(path: Path, title: str, rows: Mapping[str, Sequence[Cloud]], unit:
     style.save(figure, path)
 
 
+class Maps(NamedTuple):
+    """What maps are of, and how it is coloured."""
+
+    truth: str  # heading of the true maps
+    unit: str
+    label: str  # of the bar of colours
+    highest: float  # in `unit`, of the darkest colour
+    power: float = 1.0  # of the share of `highest` that a colour stands for; below 1 small values show, too
+    peaks: bool = False  # the largest value of each map is written below it
+
+
+PRESSURE = "Pressure (kPa), on a scale of square roots"
+
+
+def pressures(truth: np.ndarray) -> Maps:
+    """Return how maps of pressure beside these true ones are drawn, in kPa."""
+    return Maps("Label", "kPa", PRESSURE, max(float(truth.max()), 1.0), power=0.5, peaks=True)
+
+
 def maps(
     path: Path,
     title: str,
-    windows: Sequence[str],
-    counts: np.ndarray,
+    caption: str,
+    names: Sequence[str],
+    readings: np.ndarray,
     truth: np.ndarray,
     predicted: Mapping[str, np.ndarray],
     sensor: Mapping,
+    of: Maps,
 ) -> None:
-    """Draw reading, label and predicted maps below each other, one column per window.
+    """Draw one frame a row: its reading, its true map, and the maps that models predict, with their RMSE.
 
-    windows: their names; counts: (n, elements); truth and each of `predicted`, by model: (n, map_rows, map_cols), kPa.
-    Every column has the colours of its label, up to its largest pressure, and the reading those of its largest count.
+    names: of the n frames; readings: (n, elements) in counts; truth and each of `predicted`, by model: (n, map_rows,
+    map_cols). All maps have one scale of colours, and so have all readings. title: what was chosen; caption: what the
+    predictions are of.
     """
     extent = (0, sensor["cols"] * sensor["pitch_mm"], 0, sensor["rows"] * sensor["pitch_mm"])
-    sources = {"Reading": counts.reshape(-1, sensor["rows"], sensor["cols"]), "Label": truth}
-    sources |= {model_name(model): values for model, values in predicted.items()}
-    size = {"figsize": (2.2 * len(windows) + 1.2, 2.35 * len(sources) + 0.6)}
-    figure, axes = plt.subplots(len(sources), len(windows), squeeze=False, sharex=True, sharey=True, **size)
-    for row, (name, source) in zip(axes, sources.items(), strict=True):
-        for ax, kind, values, label in zip(row, windows, source.astype(float), truth, strict=True):
-            top = values.max() if name == "Reading" else label.max()
-            share = values / max(top, np.finfo(float).tiny)
-            image = ax.imshow(share, origin="lower", extent=extent, vmin=0, vmax=1, cmap="viridis")
-            error = np.sqrt(np.square(values - label).mean()) if name not in ("Reading", "Label") else np.nan
-            said = {"Reading": f"{kind}\nlargest count {values.max():.0f}", "Label": f"peak {label.max():.0f} kPa"}
-            predicted_map = f"peak {values.max():.0f} kPa, RMSE {error:.0f}" if np.isfinite(error) else "failed"
-            ax.set_title(said.get(name, predicted_map))
-            ax.set_xticks(np.arange(sensor["cols"] + 1) * sensor["pitch_mm"])
-            ax.set_yticks(np.arange(sensor["rows"] + 1) * sensor["pitch_mm"])
-            ax.grid(color="white", alpha=0.3, linewidth=0.6)
-            ax.set_axisbelow(False)
-        row[0].set_ylabel(f"{name}\ny (mm)")
-    for ax in axes[-1]:
-        ax.set_xlabel("x (mm)")
-    words = "Pressure, share of the label's peak (reading: of its largest count)"
-    figure.colorbar(image, ax=axes, label=words, extend="max", shrink=0.6)
-    figure.suptitle(style.literal(title))
+    columns = {"Reading": readings.reshape(-1, sensor["rows"], sensor["cols"]), of.truth: truth}
+    columns |= {model_name(model): values for model, values in predicted.items()}
+    size = {"figsize": (SIDE_IN * len(columns) + 1.2, (SIDE_IN + 0.2) * len(names) + 1.6)}
+    figure, axes = plt.subplots(len(names), len(columns), squeeze=False, sharex=True, sharey=True, **size)
+    scales = {True: Normalize(0, readings.max()), False: PowerNorm(of.power, 0, of.highest, clip=True)}
+    drawn = {}
+    for (heading, values), column in zip(columns.items(), axes.T, strict=True):
+        counts = heading == "Reading"
+        look = {"origin": "lower", "extent": extent, "cmap": "Greys" if counts else "Blues", "norm": scales[counts]}
+        for k, ax in enumerate(column):
+            drawn[counts] = ax.imshow(values[k].astype(float), **look)
+            if not counts:
+                ax.set_xlabel(_below(values[k], None if heading == of.truth else truth[k], of), labelpad=2)
+            ax.set(xticks=[], yticks=[])
+            ax.grid(False)
+            ax.spines[:].set(visible=True, color=style.GREY, linewidth=0.6)
+        column[0].set_title(heading, fontweight="bold")
+    for name, ax in zip(names, axes[:, 0], strict=True):
+        ax.set_ylabel(name, rotation=0, ha="right", va="center", labelpad=6)
+    look = {"location": "bottom", "shrink": 0.9, "aspect": 30, "pad": 0.01}
+    figure.colorbar(drawn[True], ax=axes[:, :1], label="Counts", extend="min", **(look | {"aspect": 10}))
+    figure.colorbar(drawn[False], ax=axes[:, 1:], label=of.label, extend="both", ticks=MaxNLocator(5), **look)
+    side = f"{extent[1] / 10:g} cm x {extent[3] / 10:g} cm"
+    figure.suptitle(style.literal(f"{title}; each is {side}\n{caption}"))
     style.save(figure, path)
+
+
+def _below(values: np.ndarray, truth: np.ndarray | None, of: Maps) -> str:
+    """Return what stands below a map: its peak, and its RMSE where it is a prediction; or that the model failed."""
+    if not np.isfinite(values).all():
+        return "failed"
+    said = [f"peak {values.max():.0f}"] if of.peaks else []
+    if truth is not None:
+        error = np.sqrt(np.square(values.astype(float) - truth).mean())
+        said.append(f"RMSE {error:.0f}" if of.peaks else f"RMSE {error:.1f}")
+    return f"{', '.join(said)} {of.unit}" if said else ""
 
 
 def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], title: str) -> None:

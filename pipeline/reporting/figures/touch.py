@@ -85,34 +85,32 @@ def peak_pressure(path: Path, windows: Windows, maps: Mapping[str, pd.DataFrame]
     maps: see `windows_of`; caption: what they are of.
     """
     chosen = np.flatnonzero((windows.condition == kept.SOME) & windows.pressed)[: kept.PEAKS]
-    peaks = {model: values["peak"].to_numpy()[chosen] for model, values in maps.items()}
-    losses = {model: values["mean_absolute"].to_numpy()[chosen] for model, values in maps.items()}
-    models, truth = [model for model in maps if model not in ("constant", kept.LABEL)], peaks[kept.LABEL]
-    columns = min(3, len(models))
+    peaks = {model: values["peak"].to_numpy(float)[chosen] for model, values in maps.items()}
+    losses = {model: values["mean_absolute"].to_numpy(float)[chosen] for model, values in maps.items()}
+    models = [model for model in PEAK_MODELS if model in maps] or [model for model in maps if model != kept.LABEL][:4]
+    columns = min(2, len(models))
     rows = -(-len(models) // columns)
-    look = {"figsize": (4 * columns, 3 * rows), "height_ratios": [2, 1] * rows}
+    look = {"figsize": (4.8 * columns, 3.2 * rows + 0.8), "height_ratios": [2, 1] * rows}
     figure, axes = plt.subplots(2 * rows, columns, sharex=True, squeeze=False, **look)
     at, borders = np.arange(len(chosen)), np.flatnonzero(np.diff(windows.press[chosen])) + 1
     parted = np.insert(at.astype(float), borders, np.nan)  # no line from one press to the next
-    finite = np.concatenate([losses[model] for model in models])
-    top_loss = finite[np.isfinite(finite)].max(initial=1e-3)
-    values = np.concatenate([peaks[model] for model in models])
-    # An exploding model may leave the axes; the true course must stay readable.
-    limit = 1.05 * min(values[np.isfinite(values)].max(initial=truth.max()), 2 * truth.max())
+    limit, top_loss = (
+        1.05 * max(np.nanmax(values[model], initial=1e-3, where=np.isfinite(values[model])) for model in of)
+        for values, of in ((peaks, [kept.LABEL, *models]), (losses, models))
+    )
     pairs = list(zip(axes[::2].flat, axes[1::2].flat, strict=True))
-    for k, (model, (upper, lower)) in enumerate(zip(models, pairs, strict=False)):
+    for model, (upper, lower) in zip(models, pairs, strict=False):
         look = model_style(model)
-        for shown, drawn in ((truth, MEASURED), (peaks[model], {"color": look.color, "linewidth": 1.2})):
-            upper.plot(parted, np.insert(shown.astype(float), borders, np.nan), **drawn, marker=".")
+        for shown, drawn in ((peaks[kept.LABEL], MEASURED), (peaks[model], {"color": look.color, "linewidth": 1.2})):
+            upper.plot(parted, np.insert(shown, borders, np.nan), **drawn, marker=".")
         lower.bar(at, losses[model], color=look.color, width=1.0)
         upper.set(title=look.label + _failure(peaks[model]), ylim=(0, limit))
-        lower.set(ylim=(0, 1.05 * top_loss))
-        if k % columns == 0:
-            upper.set_ylabel("Peak pressure\n(kPa)")
-            lower.set_ylabel("L1 loss\n(kPa)")
-        if k + columns >= len(models):
-            lower.set_xlabel("Window in contact (test presses, in order)")
-            lower.xaxis.set_tick_params(labelbottom=True)
+        lower.set(ylim=(0, top_loss))
+    for upper, lower in zip(axes[::2, 0], axes[1::2, 0], strict=True):
+        upper.set_ylabel("Peak pressure\n(kPa)")
+        lower.set_ylabel("L1 loss\n(kPa)")
+    for lower in axes[-1]:
+        lower.set_xlabel("Window in contact (test presses, in order)")
     for pair in pairs[len(models) :]:
         for ax in pair:
             ax.set_axis_off()
