@@ -17,7 +17,6 @@ from pipeline.base.files import sha256, write_table
 from pipeline.base.params import load
 from pipeline.datasets import images, labels, schemas
 from pipeline.experiments import array_recorded as array
-from pipeline.reporting.figures import array as array_figures
 from pipeline.reporting.figures import common, speed
 from pipeline.reporting.figures import glove as glove_figures
 from pipeline.reporting.figures import strain as strain_figures
@@ -445,7 +444,7 @@ DATA = {
 
 def unplot(patch) -> None:
     """Have files of figures made, and no figures."""
-    for module in (common, array_figures, glove_figures, speed, strain_figures, touch_figures):
+    for module in (common, glove_figures, speed, strain_figures, touch_figures):
         for name, function in list(vars(module).items()):
             own = getattr(function, "__module__", "") == module.__name__
             if own and "path" in getattr(function, "__annotations__", {}):
