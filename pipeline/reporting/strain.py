@@ -24,6 +24,7 @@ from pipeline.scoring.strain_results import STUDIES, read_latents, read_study
 
 FIGURES = {"task_1": "figure5", "task_2": "figure6"}  # of direct training
 AXES = "xyz"
+TIMED = ("constant", "ridge", "esn", "lstm_direct", "lstm_transfer_ridge")  # models of time.png
 LEAST_R2 = -0.25  # end of the axis of the decoders
 SEEN = {"latent of model-0": "latent space"}  # what a decoder sees, beside the voltages, on the page's first screen
 ERROR = "Test error (mm), mean and seeds"
@@ -95,9 +96,8 @@ def draw_task(report: Report, folder: Path, task: str) -> None:
     }
     axes = strain_experiment.task(task, report.settings).outputs
     outputs = [k for k in range(len(axes)) if all(np.isfinite(guess[:, k]).all() for guess in guesses.values())]
-    strands = f"{volts.shape[1]} strands, the first dark, the last light"
     seen = volts[shown] - volts[shown].mean(axis=0)
-    readings = [common.Course("Voltage, mean\nremoved (V)", time_s[shown], None, {}, strands, seen)]
+    readings = [common.Course("Voltage, mean\nremoved (V)", time_s[shown], None, {}, readings=seen)]
 
     def of(models: tuple[str, ...]) -> list[common.Course]:
         return [
@@ -119,11 +119,11 @@ def draw_task(report: Report, folder: Path, task: str) -> None:
 
 
 def draw_time(report: Report, path: Path) -> None:
-    """Draw the errors of all models in tenths of the test part, which begins where training ended."""
+    """Draw the errors of TIMED in tenths of the test part, which begins where training ended."""
     panels, captions = {}, []
     for task in FIGURES:
         rows = report.drawn(task)
-        rows = rows[(rows["window"] == kept.WHOLE) & rows["model"].isin(report.models)]
+        rows = rows[(rows["window"] == kept.WHOLE) & rows["model"].isin(set(TIMED) & set(report.models))]
         if len(rows):
             captions.append(report.caption(task))
             panels[plain(task)] = [
@@ -132,8 +132,8 @@ def draw_time(report: Report, path: Path) -> None:
             ]
     if panels:
         title = f"Error against time since training ended\n{captions[0].rpartition(', ')[0]}"
-        names = ("Time since training ended (min)", "Test error (mm), mean in a tenth of the test part")
-        common.curves(path, panels, title, names, LOG, limits=(0, None))
+        names = ("Time since training ended (min)", "Error (mm) in a tenth of the test part")
+        common.curves(path, panels, title, names, LOG, ticks=range(0, 21, 5))
 
 
 def errors_beyond(results: Results, models: Iterable[str], settings: Mapping) -> pd.DataFrame:

@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ from pipeline.reporting.words.labels import model_name
 from pipeline.scoring import results
 from pipeline.scoring.claim_inputs import HALF
 
+CHANNELS = (style.BLUE, style.ORANGE, style.GREEN, style.VERMILION, style.PURPLE, style.BLACK)  # colours
 COLOURS = (style.BLUE, style.VERMILION, style.BLACK)  # of groups of runs
 GAP = 3.0  # median intervals; no line is drawn over a longer one
 LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
@@ -214,9 +216,10 @@ def courses(path: Path, title: str, panels: Sequence[Course], xlabel: str, share
         breaks = np.flatnonzero(steps > GAP * np.median(steps)) + 1 if len(steps) else []
         at = np.insert(time_s.astype(float), breaks, np.nan)
         if readings is not None:
-            shades = plt.get_cmap("viridis")(np.linspace(0, 0.9, readings.shape[1]))
-            for channel, colour in zip(readings.T, shades, strict=True):
-                ax.plot(at, np.insert(channel.astype(float), breaks, np.nan), color=colour, linewidth=0.9)
+            for k, (channel, colour) in enumerate(zip(readings.T, cycle(CHANNELS), strict=False)):
+                values = np.insert(channel.astype(float), breaks, np.nan)
+                ax.plot(at, values, color=colour, linewidth=0.9, label=f"strand {k + 1}")
+            ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
         for model, values in predicted.items():
             look = model_style(model)
             drawn = {"color": look.color, "linestyle": look.linestyle, "linewidth": 1.2}

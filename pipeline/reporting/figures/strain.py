@@ -9,6 +9,7 @@ import pandas as pd
 from pipeline.reporting.figures import style
 
 DRIFT_S = 150.0
+COMPONENTS = 3  # of figure 7
 
 
 def drifting(path: Path, title: str, time_s: np.ndarray, volts: np.ndarray) -> None:
@@ -21,9 +22,9 @@ def drifting(path: Path, title: str, time_s: np.ndarray, volts: np.ndarray) -> N
         (line,) = ax.plot(minutes, reading, color=style.GREY, linewidth=0.4)
         means = np.bincount(block, reading) / np.bincount(block)
         (slow,) = ax.plot(centre, means, color=style.VERMILION, linewidth=1.6)
-        ax.set_ylabel(f"{k}")
+        ax.set_ylabel(f"strand {k + 1}")
     axes[-1, 0].set_xlabel("Time since the start of the test part (min)")
-    figure.supylabel("Voltage of each strand, mean removed (mV)")
+    figure.supylabel("Voltage, mean removed (mV)")
     names = ["reading", f"mean over {DRIFT_S:g} s: the drift"]
     figure.legend([line, slow], names, loc="outside lower center", ncols=2)
     figure.suptitle(title)
@@ -31,34 +32,51 @@ def drifting(path: Path, title: str, time_s: np.ndarray, volts: np.ndarray) -> N
 
 
 def latent_space(path: Path, latents: pd.DataFrame) -> None:
-    """Draw figure 7: the states of model-0 on task 2; latents: t_s and one column per unit."""
-    at = latents["t_s"] - latents["t_s"].iloc[0]
+    """Draw figure 7: the states of model-0 on task 2, and their principal components; latents: t_s, a column per unit.
+
+    States run from top to bottom by their share in the first component.
+    """
+    at = (latents["t_s"] - latents["t_s"].iloc[0]).to_numpy()
     states = latents.drop(columns="t_s").to_numpy()
-    figure, ax = plt.subplots(figsize=(9, 3.2))
-    for state, colour in zip(states.T, plt.get_cmap("viridis")(np.linspace(0, 0.95, states.shape[1])), strict=True):
-        ax.plot(at, state, color=colour, linewidth=0.7)
-    ax.set(
-        xlabel="Time since the start of the test part (s)",
-        ylabel="State",
-        ylim=(-1.02, 1.02),
-        title=f"Figure 7: the {states.shape[1]} states of model-0 while it sees task 2 (one line per state)",
-    )
+    centred = states - states.mean(axis=0)
+    _, sizes, ways = np.linalg.svd(centred, full_matrices=False)
+    ways = ways[:COMPONENTS] * np.sign(ways[:COMPONENTS].sum(axis=1, keepdims=True))  # a component has no sign
+    figure, (above, below) = plt.subplots(2, 1, figsize=(8, 5.6), sharex=True, height_ratios=[3, 2])
+    look = {"cmap": "RdBu", "vmin": -1, "vmax": 1, "aspect": "auto", "interpolation": "nearest"}
+    extent = (at[0], at[-1], states.shape[1] + 0.5, 0.5)
+    picture = above.imshow(states[:, np.argsort(-ways[0])].T, extent=extent, **look)
+    above.grid(False)
+    above.set_ylabel("State, in the order of\nthe first component")
+    figure.colorbar(picture, ax=above, label="Value", ticks=[-1, 0, 1], pad=0.01, aspect=12)
+    shares = np.square(sizes) / np.square(sizes).sum()
+    looks = zip((style.BLUE, style.VERMILION, style.BLACK), ("-", "--", ":"), strict=True)
+    for k, (course, (colour, dashes)) in enumerate(zip((centred @ ways.T).T, looks, strict=False)):
+        name = f"component {k + 1}: {100 * shares[k]:.0f} % of the variance"
+        below.plot(at, course, color=colour, linestyle=dashes, label=name)
+    below.set(xlabel="Time since the start of the test part (s)", ylabel="Principal component")
+    figure.legend(loc="outside lower center", ncols=COMPONENTS)
+    figure.suptitle(f"Figure 7: the {states.shape[1]} states of model-0 while it sees task 2")
     style.save(figure, path)
 
 
 def beyond_training(path: Path, errors: pd.DataFrame) -> None:
-    """Draw a point per finger and model; errors: `beyond` as a share, and a column in mm for each model."""
-    figure, ax = plt.subplots(figsize=(6.5, 4.4))
-    for model in errors.columns.drop(["beyond", "constant"], errors="ignore"):
+    """Draw a point per finger and model; errors: `beyond` as a share, and a column in mm for each model.
+
+    Fingers whose drift stays in the range of training are drawn apart, a column of dots a model.
+    """
+    models, stays = errors.columns.drop(["beyond", "constant"], errors="ignore"), errors["beyond"] == 0
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 4.6), sharey=True, width_ratios=[2, 3])
+    for k, model in enumerate(models):
         label, colour, marker, _ = style.model_style(model)
-        ax.plot(
-            100 * errors["beyond"], errors[model], linestyle="", color=colour, marker=marker, alpha=0.7, label=label
-        )
-    ax.set(
-        xlabel="Mean distance of the test part's drift from its range before (% of that range)",
-        ylabel="Test error (mm)",
-        ylim=(0, None),
-        title="Task 1: error of each finger where drift leaves the range of training",
+        look = {"linestyle": "", "color": colour, "marker": marker, "alpha": 0.7, "markersize": 5}
+        left.plot(np.full(stays.sum(), k), errors[model][stays], **look)
+        right.plot(100 * errors["beyond"][~stays], errors[model][~stays], **look, label=label)
+    left.set(title=f"within the range: {stays.sum()} fingers", ylabel="Test error (mm)", ylim=(0, None), xticks=[])
+    left.set(xlim=(-0.7, len(models) - 0.3), xlabel="Models, in the order of the legend")
+    right.set(
+        title=f"beyond it: {(~stays).sum()} fingers", xlabel="Mean distance from the range (% of it)", xscale="log"
     )
+    style.plain_log(right.xaxis)
     figure.legend(loc="outside lower center", ncols=3)
+    figure.suptitle("Task 1: error of each finger, by how far drift in the test part leaves its range before")
     style.save(figure, path)
