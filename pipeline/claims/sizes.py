@@ -23,7 +23,7 @@ JUDGED += ["excess", "excess_low", "excess_high", "verdict"]
 MARGIN = 0.05  # of the best error: less makes no difference in use
 BEST, ENOUGH, TOO_SMALL, UNCLEAR, FAILED = "best", "enough", "too small", "inconclusive", "failed"
 HIGHER = ("accuracy", "macro_precision", "r2")  # metrics of which more is better
-NAMES = {"rmse": "RMSE", "error": "mean error", "macro_precision": "100 % less macro precision"}
+NAMES = {"rmse": "RMSE", "error": "mean error", "macro_precision": "100 - macro precision"}
 
 
 Values = TypeVar("Values", float, np.ndarray)

@@ -27,6 +27,7 @@ from pipeline.scoring.results import PLAIN, SHARE, estimate
 METRICS = ("macro_precision", "accuracy")
 FRAMES_OF = ("combined", "pressure")  # datasets of figure 15
 SHOWN_N = 0.6  # of figure 7
+SHOWN_OBJECTS = 4  # of figure 13
 HELD_DEG, HELD_S = (0.0, 30.0, 45.0, 60.0, 90.0), 160.0  # of figure 9a: one after the other
 BENDS = (300, 500 / 300)  # of figure 9b: how many, s
 WRONG = ("accuracy", "Images classified incorrectly (%)")
@@ -135,29 +136,30 @@ def draw_frames(workspace: Workspace, folder: Path, settings: Mapping) -> bool:
     frames = {dataset: glove_results.read_frames(workspace, dataset, compared) for dataset in FRAMES_OF}
     frames = {dataset: rows for dataset, rows in frames.items() if len(rows)}
     if frames:
-        gloves = max(rows["seed"].nunique() for rows in frames.values())
-        number = "one simulated glove" if gloves == 1 else f"{gloves} simulated gloves"
-        draw_by_frames(folder / "figure15.png", frames, f"Figure 15 on {number}: several frames of a session")
+        draw_by_frames(folder / "figure15.png", {task_name(dataset): rows for dataset, rows in frames.items()})
         together = pd.concat([rows.assign(condition=dataset) for dataset, rows in frames.items()])
         files.write_table(folder / "figure15.csv", together)
     return bool(frames)
 
 
-def draw_by_frames(path: Path, tables: Mapping[str, pd.DataFrame], title: str) -> None:
+def draw_by_frames(path: Path, tables: Mapping[str, pd.DataFrame]) -> None:
     """Draw macro precision against the number of input frames, one panel per table, rows as of `read_frames`."""
-    panels, ticks = {}, set()
+    panels, ticks, gloves = {}, set(), max(table["seed"].nunique() for table in tables.values())
     for name, table in tables.items():
         groups = table[table["metric"] == "macro_precision"].groupby(["model", "form"], sort=False)
         panels[name] = []
-        for k, ((model, form), runs) in enumerate(groups):
-            aside = 0.12 * (k - (groups.ngroups - 1) / 2)  # side by side: intervals overlap
-            values = {n + aside: 100 * part["value"] for n, part in runs.groupby("frames")}
+        for (model, form), runs in groups:
+            values = {n: 100 * part["value"] for n, part in runs.groupby("frames")}
             dotted = {"linestyle": ":", "markerfacecolor": "white"} if form == "mean" else {}
             said = f"{model_name(model)}, {form_name(form)}"
             panels[name].append(common.line(model, values, label=said, **dotted))
             ticks |= set(runs["frames"])
-    names = ("Number of input frames", "Macro precision (%), mean and seeds")
-    common.curves(path, panels, title, names, PLAIN, limits=(None, 101), ticks=sorted(ticks))
+    number = "one simulated glove" if gloves == 1 else f"mean and dots of {gloves} simulated gloves"
+    least = min(np.min(values) for lines in panels.values() for line in lines for values in line.values)
+    limits = (10 * (least // 10), 100)  # points of difference are few, of one glove nothing: no axis of 3 points
+    names = ("Number of input frames", "Macro precision (%)")
+    title = f"Figure 15: several frames of a session ({number})"
+    common.curves(path, panels, title, names, PLAIN, limits=limits, ticks=sorted(ticks))
 
 
 def draw_laws(folder: Path, settings: Mapping) -> None:
@@ -193,7 +195,7 @@ def draw_laws(folder: Path, settings: Mapping) -> None:
 
 
 def draw_readings(report: Report, folder: Path, protocol: str) -> None:
-    """Draw figure 10, one grasp as images, and figure 13, the last frames of each object's last session."""
+    """Draw figure 10, one grasp as images, and figure 13, the last frames of some objects' last sessions."""
     rows = report.drawn(protocol)
     rows = rows[rows["model"] == kept.READING]
     if rows.empty:
@@ -201,11 +203,13 @@ def draw_readings(report: Report, folder: Path, protocol: str) -> None:
     pictures, frames = rows[rows["named"].notna()], rows[rows["named"].isna()]
     values = zip(pictures["named"], pictures["values"], strict=True)
     shown = {dataset: cells.astype(float).reshape(images.SIDE, images.SIDE) for dataset, cells in values}
-    title = f"Figure 10: tactile images, {plain(pictures['object'].iloc[0])}, {pictures['recording'].iloc[0]}"
-    figures.tactile_images(folder / "figure10.png", shown, images.GLOVE["strain"].place, style.literal(title))
+    title = f"Figure 10: one grasp ({plain(pictures['object'].iloc[0])}) as tactile images, each scaled by itself"
+    areas = {name: area.place for name, area in images.GLOVE.items()}
+    figures.tactile_images(folder / "figure10.png", shown, areas, style.literal(title))
     by_object = frames.groupby("object", observed=True, sort=False)["values"]
     sequences = {name: np.stack(own).astype(float).T for name, own in by_object}
-    last = f"the last {kept.SEQUENCE_FRAMES} frames of each object's last session"
+    sequences = {name: sequences[name] for name in list(sequences)[:: -(-len(sequences) // SHOWN_OBJECTS)]}
+    last = f"the last {kept.SEQUENCE_FRAMES} frames of an object's last session"
     title = f"Figure 13: {last}; below the line, joint means"
     figures.tactile_sequences(folder / "figure13.png", sequences, glove_experiment.PRESSURE_CELLS, title)
 

@@ -18,6 +18,7 @@ from pipeline.experiments import facts
 from pipeline.reporting.figures import stability as figures
 from pipeline.reporting.tables import Table
 from pipeline.reporting.words.labels import (
+    MEASURES,
     capitalised,
     condition_name,
     experiment_name,
@@ -143,7 +144,9 @@ def condition(
         if drawn:
             seeds = runs_of(known)
             of = f"{title} ({protocol_words(protocol)}, budget {budget}, {seeds})"
-            label = "Images named wrongly (share)" if facts(experiment).metric == "accuracy" else f"Error ({unit})"
+            metric = facts(experiment).metric
+            wrong = "Images classified incorrectly (share)"
+            label = wrong if metric == "accuracy" else f"{MEASURES[metric]} ({unit})"
             figures.small_multiples(folder / file, drawn, known["floor"].mean(), label, of)
             shown, total = len(drawn[0].curves), known["model"].nunique()
             told["figure"] = file

@@ -5,7 +5,6 @@ there is one beside the folder.
 """
 
 import json
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from string import Formatter
@@ -108,29 +107,29 @@ def twins(workspace: Workspace, folder: Path, _: Mapping) -> pd.DataFrame:
 
     Settings are not read: the recordings and scenes are as they are.
 
-    Where recordings are absent, their side of the former reports/twins.csv and the former figure stay; of touch both
-    sides do, as its scene is pressed with the recorded forces.
+    Where recordings are absent, their side of the former reports/twins.csv stays; of touch both sides do, as its scene
+    is pressed with the recorded forces.
     """
-    former = workspace.reports / "twins"
     measured = {
         name: results.read_csv(workspace.twins(name), TWINS, f"python -m pipeline.stages.twins {name}")
         for name in experiments.having("twin")
     }
     absent = [name for name, table in measured.items() if "recorded" not in set(table["source"])]
-    kept, parts, together = kept_rows(former.with_suffix(".csv"), absent), [], []
+    kept, parts, together = kept_rows(workspace.reports / "twins.csv", absent), [], []
     for name, table in measured.items():
         before, figure = kept[kept["experiment"] == name], f"{name}.png"
         summary = summarised(name, table, before) if len(table) else as_summary(before)
-        if set(SIDES) <= set(table["source"]):
-            twins_figures.positions(folder / figure, facts(name).twin.title, table, summary)
-        elif summary["inside"].notna().any() and (former / figure).is_file():
-            shutil.copy(former / figure, folder)
-        known = summary["inside"].notna().any()
+        if known := summary["inside"].notna().any():
+            twins_figures.positions(folder / figure, facts(name).twin.title, summary)
         missing = "The recordings were not fetched" if summary["recorded"].isna().all() else ""
         reason = "" if known else missing or "The data are your own logs, not simulated"
-        drawn = figure if (folder / figure).is_file() else ""
         twin = facts(name).twin
-        part = {"title": twin.title, "reason": reason, "figure": drawn, "table": tables.twins(summary)}
+        part = {
+            "title": twin.title,
+            "reason": reason,
+            "figure": figure if known else "",
+            "table": tables.twins(summary),
+        }
         parts.append(part | {"said": told(twin.said, summary)})
         together.append(summary)
     files.write_text(folder / "README.md", render("twins", parts=parts))

@@ -8,7 +8,7 @@ import pandas as pd
 
 from pipeline.claims.sizes import NAMES, SCALES, error_of, unit_of
 from pipeline.experiments import facts
-from pipeline.reporting.words.labels import capitalised, effect_name, model_name, plain, task_name
+from pipeline.reporting.words.labels import capitalised, effect_name, model_name, statistic_name, task_name
 from pipeline.reporting.words.markdown import interval, number, size
 from pipeline.scoring.results import Estimate
 
@@ -95,7 +95,7 @@ def twins(summary: pd.DataFrame) -> Table:
         inside = "-" if pd.isna(row["inside"]) else "yes" if row["inside"] else "no"
         note = row["note"] if isinstance(row["note"], str) and row["note"] else "-"
         spans = [span(row, side) for side in ("recorded", "simulated")]
-        name, unit = capitalised(plain(row["statistic"])), TWIN_UNITS.get(str(row["unit"]), row["unit"])
+        name, unit = capitalised(statistic_name(row["statistic"])), TWIN_UNITS.get(str(row["unit"]), row["unit"])
         rows.append([name, unit, *spans, inside, row["meaning"], note if inside == "no" else "-"])
     return Table(
         ["Statistic", "Unit", "Recorded", "Simulated", "In range", "What it is", "Why it is out of range"], rows

@@ -24,6 +24,7 @@ COLOURS = (style.BLUE, style.VERMILION, style.BLACK)  # of groups of runs
 GAP = 3.0  # median intervals; no line is drawn over a longer one
 LEAST_PERCENT = 1.0  # a cell of a confusion matrix is labelled from here on
 LEAST_SQUARE = 1e-6  # squared error on a logarithmic axis
+LONG = 32  # letters of a legend's entry, of which four do not stand side by side
 SIDE_IN = 1.55  # of a map, inches
 MARGIN = 0.3  # of the range of true values, by which predicted ones may leave it in a cloud of points
 
@@ -119,7 +120,7 @@ def curves(
         (low, high), (least, most) = ax.get_ylim(), limits
         ax.set_ylim(low if least is None else least, high if most is None else min(high, most))
     axes[0][0].set_ylabel(names[1])
-    legend_below(figure, handles, 4 if len(panels) > 1 else 2)
+    legend_below(figure, handles, 4 if len(panels) > 1 and max(map(len, handles)) < LONG else 2)
     figure.suptitle(title)
     style.save(figure, path)
 

@@ -9,6 +9,7 @@ from matplotlib.colors import LogNorm
 
 from pipeline.datasets.images import HIGHEST, SIDE
 from pipeline.reporting.figures import style
+from pipeline.reporting.words.labels import capitalised, task_name
 
 SHOWN_BENDS_S = 10  # of figure 9b, at either end
 
@@ -52,33 +53,31 @@ def bent_joint(path: Path, held: tuple, bends: tuple, angles: Sequence[float], t
 
 
 def tactile_images(
-    path: Path, pictures: Mapping[str, np.ndarray], strain_area: tuple[slice, slice], title: str
+    path: Path, pictures: Mapping[str, np.ndarray], areas: Mapping[str, tuple[slice, slice]], title: str
 ) -> None:
-    """Draw figure 10 b to d: one grasp as joint bending strain (red), palm pressure (blue) and both.
+    """Draw figure 10 b to d: one grasp as bending of the joints (red), as pressure on the palm (blue), and as both.
 
-    pictures: dataset -> (SIDE, SIDE), 0 to 255; strain_area: rows and columns of the joints.
+    pictures: dataset -> (SIDE, SIDE), 0 to 255; areas: rows and columns of pressure and of strain, which alone are
+    drawn where a picture has no other.
     """
-    joints, everywhere = np.zeros((SIDE, SIDE), dtype=bool), np.ones((SIDE, SIDE), dtype=bool)
-    joints[strain_area] = True
-    panels = {
-        "Joint bending strain": ("strain", {"Strain": everywhere}),
-        "Palm pressure": ("pressure", {"Pressure": everywhere}),
-        "Combination": ("combined", {"Strain": joints, "Pressure": ~joints}),
-    }
-    figure, axes = plt.subplots(1, 3, figsize=(11, 3.7), sharey=True)
-    drawn = {}
-    for ax, (name, (dataset, parts)) in zip(axes, panels.items(), strict=True):
-        for meaning, area in parts.items():
-            drawn[meaning] = ax.imshow(
-                np.ma.masked_array(pictures[dataset], ~area), cmap={"Strain": "Reds", "Pressure": "Blues"}[meaning],
-                vmin=0, vmax=HIGHEST, extent=(0.5, SIDE + 0.5, SIDE + 0.5, 0.5),
-            )  # fmt: skip
-        ticks = [1, 8, 16, 24, 32]
-        ax.set(title=name, xlabel="Column of the scan", xticks=ticks, yticks=ticks)
+    looks = {"pressure": "Blues", "strain": "Reds"}
+    widths = [area[1].stop - area[1].start for area in (areas["strain"], areas["pressure"])] + [SIDE]
+    figure, axes = plt.subplots(1, 3, figsize=(11, 4.2), width_ratios=widths)
+    for ax, dataset in zip(axes, ("strain", "pressure", "combined"), strict=True):
+        for name, place in areas.items():
+            if dataset in (name, "combined"):
+                rows, columns = ((side.start + 0.5, side.stop + 0.5) for side in place)
+                picture = ax.imshow(
+                    pictures[dataset][place], cmap=looks[name], vmin=0, vmax=HIGHEST, extent=(*columns, *rows[::-1])
+                )
+                bars = {"label": f"{capitalised(task_name(name))}, normalised", "fraction": 0.03, "pad": 0.02}
+                if dataset == "combined":
+                    figure.colorbar(picture, ax=axes, **bars)
+        low, high = ((0.5, SIDE + 0.5),) * 2 if dataset == "combined" else (columns, rows)
+        ax.set(title=capitalised(task_name(dataset)), xlabel="Column of the scan", xlim=low, ylim=high[::-1])
+        ax.locator_params(integer=True)
         ax.grid(False)
     axes[0].set_ylabel("Row of the scan")
-    for meaning, picture in drawn.items():
-        figure.colorbar(picture, ax=axes, label=f"{meaning}, normalised (0 to 255)", fraction=0.025, pad=0.01)
     figure.suptitle(title)
     style.save(figure, path)
 
@@ -89,7 +88,7 @@ def tactile_sequences(path: Path, sequences: Mapping[str, np.ndarray], cells: in
     sequences: object -> conductance in mS (sensors, frames), 0 where nothing is wired; cells: how many of the sensors,
     the first ones, are pressure cells; the others are joints.
     """
-    figure, axes = style.panels(len(sequences), 4, 12, 3.1, 0.6, sharex=True, sharey=True)
+    figure, axes = style.panels(len(sequences), 4, 12, 4.2, 0.6, sharex=True, sharey=True)
     low = min(values[values > 0].min() for values in sequences.values())
     high = max(values.max() for values in sequences.values())
     colours = plt.get_cmap("viridis").with_extremes(bad="#DDDDDD")

@@ -14,7 +14,7 @@ from pipeline.reporting.words.labels import effect_name, model_name, task_name
 
 FULL = 0.3  # change of the error at which the colour is full
 COLOURS = LinearSegmentedColormap.from_list("change", [style.BLUE, "white", style.VERMILION])
-MARKS = {EQUIVALENT: " =", CHANGES: " *"}  # behind an effect's name
+MARKS = {EQUIVALENT: (" =", "no error changes"), CHANGES: (" *", "errors change")}  # behind an effect's name
 
 
 def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
@@ -57,13 +57,14 @@ def matrices(path: Path, title: str, judged: pd.DataFrame, unit: str) -> None:
         ax.tick_params(which="both", length=0)
         ax.spines[:].set_visible(False)
     verdicts = dict(zip(judged["effect"], judged["verdict"], strict=True))
-    axes[0, 0].set_yticks(range(len(effects)), [effect_name(key) + MARKS.get(verdicts[key], "") for key in effects])
-    axes[0, 0].set_ylabel("effect left out\n(=: equivalent, *: changes errors)")
+    names = [effect_name(key) + MARKS.get(verdicts[key], ("",))[0] for key in effects]
+    axes[0, 0].set_yticks(range(len(effects)), names)
     percent = {"ticks": [-FULL, 0, FULL], "format": lambda x, _: f"{100 * x:+.0f} %"}
-    figure.colorbar(picture, ax=axes[0].tolist(), pad=0.01, label="change of the error", **percent)
+    figure.colorbar(picture, ax=axes[0].tolist(), pad=0.01, label="Change of the error", **percent)
+    marked = "; ".join(f"{mark.strip()} {said}" for key, (mark, said) in MARKS.items() if key in verdicts.values())
     note = (
-        f"Numbers: change of the error ({unit}) in % ± half of its 90 % interval; "
-        f"white: the interval lies within {100 * MARGIN:.0f} %, coloured: outside, hatched: on both sides"
+        f"change of the error ({unit}) in %, ± half of its 90 % interval\n"
+        f"interval white: within {100 * MARGIN:.0f} %; coloured: beyond; hatched: on both sides"
     )
-    figure.suptitle(f"{title}\n{note}")
+    figure.suptitle("\n".join(filter(None, [title, note, marked])))
     style.save(figure, path)

@@ -10,7 +10,7 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, NullLocat
 
 from pipeline.claims.sizes import NAMES, SCALES, Reference, error_of, unit_of
 from pipeline.reporting.figures import style
-from pipeline.reporting.words.labels import model_name, task_name
+from pipeline.reporting.words.labels import capitalised, model_name, task_name
 from pipeline.scoring.studies import FAMILIES
 
 LEAST = 0.6  # of the smallest error is where the axis ends: a longer interval runs out of the panel
@@ -33,9 +33,9 @@ def curves(path: Path, title: str, judged: pd.DataFrame, references: Mapping[tup
             _panel(ax, name, ladder, references[name, condition], handles)
             ax.set_title(f"{model_name(FAMILIES[name].model)}, {task_name(condition)}")
         metric, unit = judged[judged["family"] == name].iloc[0][["metric", "unit"]]
-        row[0].set_ylabel(f"Test error, {NAMES[metric]} ({unit_of(metric, unit)})")
+        row[0].set_ylabel(f"{capitalised(NAMES[metric])} ({unit_of(metric, unit)})")
     figure.legend(handles.values(), handles, loc="outside lower center", ncols=3)
-    figure.suptitle(title)
+    figure.suptitle(f"{title}: test error against the size of a model")
     style.save(figure, path)
 
 
@@ -50,13 +50,11 @@ def _panel(ax: plt.Axes, family: str, ladder: pd.DataFrame, reference: Reference
     handles["mean over seeds, 95 % interval"] = ax.errorbar(
         across, value, spread, color=style.BLUE, marker="o", markersize=5, capsize=3, linewidth=1.3
     )
-    # One run tells no smallest size that is enough.
-    chosen, published = (
-        ((ladder["chosen"] == 1) & np.isfinite(low)).to_numpy(),
-        (ladder["size"] == scale.published).to_numpy(),
-    )
+    # One run tells no smallest size that is enough, nor does the largest of a ladder.
+    chosen = ((ladder["chosen"] == 1) & np.isfinite(low) & (ladder["size"] < ladder["size"].max())).to_numpy()
+    published = (ladder["size"] == scale.published).to_numpy()
     ring = {"marker": "o", "s": 170, "facecolors": "none", "linewidths": 2.2, "color": style.VERMILION}
-    handles["smallest that is enough"] = ax.scatter(across[chosen], value[chosen], **ring, zorder=3)
+    handles["smallest that is enough, if not the largest"] = ax.scatter(across[chosen], value[chosen], **ring, zorder=3)
     diamond = {"marker": "D", "s": 48, "linewidths": 1, "color": style.BLACK}
     handles["published size"] = ax.scatter(across[published], value[published], **diamond, zorder=3)
     bottom = np.nanmin([*(value - spread[0]), reference.trained])

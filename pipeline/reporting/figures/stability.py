@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.lines import Line2D
 
 from pipeline.claims.stability import LOG
 from pipeline.reporting.figures import style
@@ -66,6 +67,8 @@ def small_multiples(path: Path, panels: Sequence[Panel], floor: float, ylabel: s
         (lines["Constant"],) = ax.plot(*panel.floor, color=BLACK, linestyle=":", linewidth=1.2)
         _severity_axis(ax, panel)
         ax.set_title(textwrap.fill(panel.title, 34))
+    ring = {"linestyle": "", "marker": "o", "markersize": 8, "markerfacecolor": "none", "color": GREY}
+    lines["half of the skill lost"] = Line2D([], [], **ring)
     shown = np.concatenate([curve.mean for panel in panels for curve in panel.curves.values()])
     axes[0, 0].set_ylim(0, min(1.05 * max(np.nanmax(shown), floor), HIGHEST * floor))
     for ax in axes[:, 0]:

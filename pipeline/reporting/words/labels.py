@@ -108,6 +108,51 @@ EFFECTS = {  # of the simulated scenes
     "element_spread": "differences between elements",
     "softness": "softness of the objects",
 }
+STATISTICS = {  # of recordings and scenes; others are words already
+    "loading_loop": "loop of loading and unloading",
+    "place_spread": "spread between places",
+    "rest_spread": "spread of the rest",
+    "creep_press": "creep within a press",
+    "creep_long": "creep within a long press",
+    "overshoot": "overshoot after a release",
+    "recovery": "overshoot left after 2 s",
+    "r2_present": "R2 of the force from the present",
+    "r2_past": "R2 of the force from the past, too",
+    "gain_from_past": "gain in R2 from the past",
+    "repeatability": "spread between repetitions",
+    "gain_spread": "spread of gain between elements",
+    "beside": "reading beside a contact",
+    "along_line": "reading along its row and column",
+    "crossing": "reading where lines of contacts cross",
+    "two_over_one": "one of two contacts over one alone",
+    "in_row": "two contacts in a row",
+    "in_column": "two contacts in a column",
+    "drift_over_response": "drift over response",
+    "drift_growth": "growth of the drift in 20 min",
+    "time_share": "variance explained by time",
+    "rest_over_response": "spread of the rest over response",
+    "rest_correlation": "correlation of rests between strands",
+    "rest_memory_near": "correlation of rests, next press",
+    "rest_memory_far": "correlation of rests, 20 presses on",
+    "history_share": "R2 of the rest from earlier presses",
+    "hold_change": "change while a press is held",
+    "place_r2_absolute": "R2 of the place from voltages",
+    "place_r2_difference": "R2 of the place, rest subtracted",
+    "effective_rank": "independent strands",
+    "active_cells": "share of active cells",
+    "alike_within": "likeness of grasps of an object",
+    "alike_others": "likeness of other objects",
+    "load_spread": "spread of the load between grasps",
+    "load_wander": "spread of the load within a grasp",
+    "held_share": "variance within a held grasp",
+    "shift": "shift of the contact between grasps",
+    "joint_spread": "spread of joint angles",
+    "pressure_between": "variance of pressure between objects",
+    "joint_between": "variance of angles between objects",
+    "rank": "rank of patterns per object",
+    "tree_grasps": "accuracy of a tree, new grasps",
+    "tree_frames": "accuracy of a tree, random frames",
+}
 
 
 def model_name(model: str) -> str:
@@ -149,6 +194,11 @@ def perturbation(key: str) -> tuple[str, str, str]:
 def effect_name(effect: str) -> str:
     """Return the name of an effect of a simulated scene."""
     return EFFECTS.get(effect, plain(effect))
+
+
+def statistic_name(statistic: str) -> str:
+    """Return the name of a statistic of recordings and scenes, with its words in place of its key."""
+    return STATISTICS.get(statistic, plain(statistic))
 
 
 def form_name(form: str) -> str:
