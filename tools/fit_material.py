@@ -397,7 +397,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     reports.mkdir(parents=True, exist_ok=True)
     (reports / "fit.md").write_text(table(result))
     courses = [course(best, recording) for recording in exp2]
-    figures.draw_loops(reports / "fit.png", courses)
+    figures.draw_loops(reports / "fit.png", courses, DT_S)
     figures.draw_courses(reports / "courses.png", courses, DT_S)
     say(f"wrote {FITTED.name} and {reports.relative_to(workspace.root)}/")
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pipeline.reporting.figures.style import BLUE, GREY, VERMILION
+from pipeline.reporting.figures.style import BLUE, GREY, VERMILION, save
 
 
 class Course(NamedTuple):
@@ -20,24 +20,36 @@ class Course(NamedTuple):
     press_s: list[float]  # start of each press
 
 
-# The look of matplotlib, not of style.py: the figures stay as they were drawn when the model was fitted.
-@plt.style.context("default")
-def draw_loops(path: Path, courses: list[Course]) -> None:
-    """Draw the reading over the force, one panel per recording, to `path` (PNG)."""
-    figure, axes = plt.subplots(2, 2, figsize=(10, 8.4), sharex=True, sharey=True, layout="constrained")
+LEAST_N = 0.05  # what is below is drawn there
+BEFORE_S = 0.5  # a press is found when its force has risen
+SHOWN = (0, 5, 10)  # presses of a recording whose loops are drawn; all of them hide each other
+LOOKS = ((BLUE, "-", "measured"), (VERMILION, "--", "modelled from force and place"))
+
+
+def draw_loops(path: Path, courses: list[Course], step_s: float) -> None:
+    """Draw the reading over the force in some presses, one panel per recording, to `path` (PNG); step_s: of the grid.
+
+    The log of the reading is what is modelled, and its R2, over all presses, what the titles say.
+    """
+    figure, axes = plt.subplots(2, 2, figsize=(8, 6.6), sharex=True, sharey=True)
     for axis, course in zip(axes.flat, courses, strict=True):
-        force = np.maximum(course.force_n, 0.05)
-        axis.plot(force, course.measured, color=BLUE, lw=0.8, alpha=0.6, label="measured, 16 presses")
-        axis.plot(force, course.modelled, color=VERMILION, lw=0.8, alpha=0.8, label="modelled from force and place")
-        axis.set(xscale="log", yscale="log", title=f"{course.name} exp2, R² = {course.r_squared:.3f}")
-        axis.grid(color="#dddddd", lw=0.6)
-    axes[0, 0].legend(loc="lower left")
-    figure.supxlabel("force (N); below 0.05 N drawn at 0.05 N")
-    figure.supylabel("reading (recorder's units)")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+        steps = [round((start - BEFORE_S) / step_s) for start in course.press_s]
+        for press in SHOWN:
+            rows = slice(steps[press], steps[press + 1])
+            for (colour, dashes, label), reading in zip(LOOKS, (course.measured, course.modelled), strict=True):
+                force = np.maximum(course.force_n[rows], LEAST_N)
+                axis.plot(force, reading[rows], color=colour, linestyle=dashes, linewidth=1.1, label=label)
+        axis.set(xscale="log", yscale="log", title=f"{course.name}: R2 {course.r_squared:.3f}")
+    figure.legend(*(part[:2] for part in axes[0, 0].get_legend_handles_labels()), loc="outside lower center", ncols=2)
+    for axis in axes[-1]:
+        axis.set_xlabel(f"Force (N), from {LEAST_N:g} N on")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("Reading (recorder's units)")
+    figure.suptitle("Three presses of each recording of repetition 2, which the fit has not seen")
+    save(figure, path)
 
 
+# The look of matplotlib, not of style.py: the figure stays as it was drawn when the model was fitted.
 @plt.style.context("default")
 def draw_courses(path: Path, courses: list[Course], step_s: float) -> None:
     """Draw the reading over time, each whole recording and two of its presses, to `path` (PNG); step_s: of the grid."""

@@ -12,6 +12,7 @@ from pipeline.base import params
 from pipeline.inference import recordings
 from pipeline.logs import sources
 from pipeline.own import settings as own_settings
+from pipeline.reporting.words import labels
 
 VALUES = params.load(ROOT / "params.yaml")
 NAMES = set(experiments.NAMES)
@@ -158,3 +159,21 @@ def _has(block: dict, dotted: str) -> bool:
             return False
         block = block[key]
     return True
+
+
+@pytest.mark.parametrize("name", ["touch", "glove", "glove_recorded"])
+def test_a_condition_has_one_name_for_people(name):
+    facts = experiments.facts(name)
+    headings = facts.paper.conditions if facts.paper else {}
+    for condition, heading in headings.items():
+        assert heading == labels.capitalised(labels.task_name(condition))
+    for (_, condition), words in facts.tested.items():
+        assert words == labels.CONDITIONS.get(condition, words)
+    assert {condition for _, condition in facts.tested} & set(labels.CONDITIONS)
+
+
+def test_a_split_that_ends_in_a_condition_has_its_name():
+    assert labels.split_name("session_strain") == "session, bending"
+    assert labels.split_name("random_window") == "random window"
+    assert labels.place_name("grasp_combined", "combined") == "Grasp, pressure and bending"
+    assert labels.place_name("press", "double") == "Press, two touches"

@@ -43,6 +43,8 @@ LABELS = {
 MEASURES = {"rmse": "RMSE", "error": "Error", "accuracy": "Accuracy"}  # that models are compared by
 CONDITIONS = {  # condition -> what is tested; others are words already
     "single": "one touch",
+    "single_anew": "one touch, at new places",
+    "several": "several touches at once",
     "double": "two touches",
     "three": "three touches",
     "slide": "two sliding touches",
