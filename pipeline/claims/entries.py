@@ -119,7 +119,7 @@ class Claim:
     splits: Mapping[str, Sequence[str]]  # as of Source
     published: float
     printed: Mapping[str, float]  # of each of `values`
-    names: Mapping[str, str]  # of models, in sentences
+    names: Mapping[str, str]  # of models and conditions, in sentences
     over: str = "seeds"
     reason: str = ""  # of an untestable claim
     tried: str = ""

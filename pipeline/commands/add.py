@@ -47,7 +47,7 @@ CLAIM = """\
 paper: lomp
 claims:
   - id: {name}
-    text: On double touch LoMP errs less than a linear regression does, by {{published:.1f}} kPa.
+    text: On two touches LoMP errs less than a linear regression does, by {{published:.1f}} kPa.
     source: Table I
     above: double.linear - double.lomp
     control: {{lomp: constant}}

@@ -49,7 +49,7 @@ FACTS = Facts(
         scene="touch",
         said=(
             "The recorded array is of another principle: what counts here is how two contacts differ from one.\n\n"
-            "**What the scene's double touch has and the recorded one has not.** The reading of one of two tips "
+            "**What the scene's two touches have and the recorded ones have not.** The reading of one of two tips "
             "of a column differs by {in_column[simulated]:.2f} in log from that of tips on different lines "
             "(recorded {in_column[recorded]:.3f}). A single tip changes what the elements of its row and column "
             "read far away by {along_line[simulated]:.3f} of its own reading (recorded "

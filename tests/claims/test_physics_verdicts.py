@@ -102,16 +102,16 @@ def test_a_failed_run_is_no_verdict():
     assert judgement.verdict == FAILED
     rows = pd.DataFrame(physics_verdicts.report_rows("touch", [judgement], {"creep": True}))
     assert tables.physics(rows).rows == [
-        ["Creep", "failed", "LoMP, single touch", "0", FAILED, "kept: recorded (gain from past)"]
+        ["Creep", "failed", "LoMP, one touch", "0", FAILED, "kept: recorded (gain from past)"]
     ]
 
 
 def test_the_table_shows_the_change_that_reaches_farthest():
     rows = pd.DataFrame(physics_verdicts.report_rows("touch", [judged({("tree", "single"): 1.3})], {"creep": True}))
     (row,) = tables.physics(rows).rows
-    assert row[1].startswith("+30 % [+2") and row[2:5] == ["Decision tree, single touch", "1", CHANGES]
+    assert row[1].startswith("+30 % [+2") and row[2:5] == ["Decision tree, one touch", "1", CHANGES]
     errors = tables.physics_errors(rows)
-    assert errors.header == ["Model", "Single touch (kPa)", "Double touch (kPa)"] and errors.rows[0][0] == "Linear"
+    assert errors.header == ["Model", "One touch (kPa)", "Two touches (kPa)"] and errors.rows[0][0] == "Linear"
     assert float(errors.rows[0][1]) == pytest.approx(9.0 * np.exp(np.log(1 + 0.3 * np.array(SEEDS)).mean()), abs=0.005)
 
 

@@ -59,7 +59,7 @@ def test_a_claim_of_five_lines_is_judged_in_the_report(workspace, monkeypatch):
     row = pd.read_csv(workspace.reports / "claims.csv").set_index("id").loc["lomp/better-than-linear"]
     assert row["verdict"] == REPRODUCED and 0 < row["low"] < row["ours"]
     assert row["published"] == pytest.approx(16.91 - 7.49)
-    assert row["claim"] == "On double touch LoMP errs less than a linear regression does, by 9.4 kPa."
+    assert row["claim"] == "On two touches LoMP errs less than a linear regression does, by 9.4 kPa."
     (line,) = [
         line
         for line in (workspace.reports / "claims.md").read_text().splitlines()
