@@ -13,19 +13,24 @@ Examples:
 
 import argparse
 import errno
+import re
 import sys
 import tempfile
+import threading
 import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pipeline.base import params, processes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import record
+from pipeline.experiments import log_name
 from pipeline.inference.card import Card
 from pipeline.own.beside import Beside
 
 PORT = 8765  # of the page
+REPLAYED = "a replayed log is a file already"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,7 +61,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     from pipeline.live import source
 
     if given.record and given.replay:
-        raise InputError("--record: goes with --port; a replayed log is a file already")
+        raise InputError(f"--record: goes with --port; {REPLAYED}")
     if not given.speed > 0:
         raise InputError(f"--speed {given.speed:g}: must be more than 0; 2 is twice as fast")
     if given.replay:
@@ -86,17 +91,18 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     lines = source.Lines(fmt, str(given.port or given.replay), who, order, laid_out)
     session = Session(model, lines, say)
     places = [outputs.Datagrams(given.udp, card)] if given.udp else []
+    recorder = None
     if given.replay:
         chunks = source.replay(given.replay, fmt, stop, given.speed, given.loop, laid_out)
     else:
-        chunks = record.Port(given.port, given.baud, stop).chunks()
-        if given.record:
-            chunks = record.recorded(chunks, record.Log(given.record))
+        port = record.Port(given.port, given.baud, stop)
+        recorder = Recorder(lines, given.record, log_name(card.experiment) or "lines.log")
+        chunks = recorder.recorded(port.chunks())
     page = None
     if given.page or not (given.csv or given.udp):
         from pipeline.live.server import Page
 
-        page = Page(session, given.http_port)
+        page = Page(session, given.http_port, recorder, truth_beside(given.replay, printed))
         places.append(page)
         say(f"{page.address} shows it; Ctrl-C ends it")
     try:
@@ -118,6 +124,99 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     say(sentence(session))
     if given.replay and lines.count == sum(lines.rejects.values()):
         raise InputError(f"{given.replay}: no line is a reading of {who}, {fmt.shown}; name a log of this sensor")
+
+
+class Recorder:
+    """Records what a port prints, each time to a new file. A page may start and stop it from another thread."""
+
+    def __init__(self, lines, file: Path | None, name: str):
+        """lines: Lines of the port; file: the first one, which is begun at once; name: of a sensor's log.
+
+        Without `file`, a log goes to live/<time>/<name> in the current folder. Raises InputError as `record.Log`.
+        """
+        self.log: record.Log | None = None  # the present one, or the latest
+        self.runs, self.problem = False, ""  # problem: why none could be begun, or ended whole
+        self._lines, self._file, self._name, self._count = lines, file, name, 0
+        self._lock = threading.Lock()
+        self._is_within_line, self._skips = False, False  # a log begins with a whole line
+        if file:
+            self._start(file)
+
+    def start(self) -> None:
+        """Begin a log, unless one is under way."""
+        with self._lock:
+            if self.runs:
+                return
+            path = Path("live", time.strftime("%Y-%m-%d_%H-%M-%S"), self._name)
+            if self._file:
+                path = self._file.with_stem(f"{self._file.stem}-{self._count + 1}")
+            try:
+                if (head := self._lines.head) is None:
+                    raise InputError("a log of this layout needs the lines above its first row; begin it by --record")
+                self._start(path)
+                self.log.add(head)
+                self.problem = ""
+            except InputError as error:
+                self.problem = str(error)
+
+    def stop(self) -> None:
+        """End the log that is under way, if one is, with its last whole line."""
+        try:
+            self._end(is_within_line=True)
+        except InputError as error:
+            self.problem = str(error)
+
+    def told(self) -> dict:
+        """Return what the page says of it."""
+        file, lines = (str(self.log.path), self.log.lines) if self.log else ("", 0)
+        return {"file": file, "lines": lines, "runs": self.runs, "problem": self.problem}
+
+    def recorded(self, chunks: Iterable[bytes | None]) -> Iterator[bytes | None]:
+        """Yield the chunks of a port once they are in the log, and end it with them. Raises InputError as `Log`."""
+        try:
+            for data in chunks:
+                with self._lock:
+                    self._add(data)
+                yield data
+        finally:
+            self._end()
+
+    def _end(self, is_within_line: bool = False) -> None:
+        with self._lock:
+            if self.runs:
+                self.runs = False
+                if is_within_line:  # its last number may not be whole, and would be read
+                    self.log.rest = b""
+                self.log.close()
+                say(f"{self.log.path}: {self.log.lines} lines")
+
+    def _start(self, path: Path) -> None:
+        self.log = record.Log(path)
+        self.runs, self._skips, self._count = True, self._is_within_line, self._count + 1
+
+    def _add(self, data: bytes | None) -> None:
+        if data is None:
+            self._is_within_line = self._skips = False
+            if self.runs:
+                self.log.tear()
+            return
+        self._is_within_line = not data.endswith(record.ENDS) if data else self._is_within_line
+        if self._skips:
+            end = re.search(rb"[\r\n]+", data)
+            self._skips, data = not end, data[end.end() :] if end else b""
+        if self.runs:
+            self.log.add(data)
+
+
+def truth_beside(log: Path | None, card: Card):
+    """Return the ground truth beside a replayed log; None where there is none, or it cannot be read, which is said."""
+    from pipeline.live import truth
+
+    try:
+        return log and truth.beside(log, card)
+    except InputError as error:
+        say(f"{error}; the page shows no truth")
+        return None
 
 
 def as_printed(workspace: Workspace, card: Card, given: argparse.Namespace) -> Card:

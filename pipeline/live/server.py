@@ -5,7 +5,8 @@ and so are bodies that are no word of a viewer, connections beyond MOST, and tho
 
 The page listens to a stream of events. Each has the prediction that is the newest when it is sent, so that a slow
 browser gets fewer of them. Ten times a second the page says which one it has drawn. The time until that word is back is
-the time from line to picture. A page that has not said a word of AHEAD pictures gets no more until it has.
+the time from line to picture. A page that has not said a word of AHEAD pictures gets no more until it has. The
+button "Record", the only one that does something here, says a word, too: nobody but a viewer can press it.
 """
 
 import asyncio
@@ -21,12 +22,13 @@ import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import uvicorn
 from matplotlib import colormaps
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
@@ -41,6 +43,7 @@ from pipeline.inference import intervals
 from pipeline.inference.card import Card
 from pipeline.live import outputs
 from pipeline.live.session import Prediction, Session
+from pipeline.live.truth import Truth
 
 HOST = "127.0.0.1"  # nothing outside this machine can ask
 PICTURE_S = 0.008  # between two pictures for one browser, which draws 60 a second
@@ -70,12 +73,26 @@ HEADERS = {
 }
 
 
+class Recorder(Protocol):
+    """What the button "Record" acts on, from another thread."""
+
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def told(self) -> dict:
+        """Return `file`, the present or the latest, its `lines`, whether it `runs`, and why none could: `problem`."""
+
+
 class Page:
     """The page of one session, served until `close`. `address`: where."""
 
-    def __init__(self, session: Session, port: int):
-        """Start the server; port 0: any that is free. Raises InputError where the port is taken."""
-        self.session, self.newest, self.closed = session, None, False
+    def __init__(self, session: Session, port: int, recorder: Recorder | None = None, truth: Truth | None = None):
+        """Start the server; port 0: any that is free. Raises InputError where the port is taken.
+
+        recorder: what the button "Record" starts; None: it does nothing. truth: of the readings of a replayed log.
+        """
+        self.session, self.recorder, self.truth, self.newest, self.closed = session, recorder, truth, None, False
         self.to_picture_ms: deque[float] = deque(maxlen=KEPT)
         self._viewers: list[_Viewer] = []
         self._status, self._status_due = {}, 0.0
@@ -90,7 +107,8 @@ class Page:
         here = Path(__file__)
         self._files = {path: (here.with_name(name).read_bytes(), kind) for path, (name, kind) in FILES.items()}
         routes = [Route(path, self._file) for path in FILES]
-        routes += [Route("/pictures", self._pictures), Route("/drawn", self._drawn, methods=["POST"])]
+        routes += [Route("/pictures", self._pictures)]
+        routes += [Route(path, self._posted, methods=["POST"]) for path in WORDS]
         guards = [
             Middleware(_Guard, connections=lambda: len(self._server.server_state.connections)),
             Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"]),
@@ -160,33 +178,50 @@ class Page:
         viewer = _Viewer()
         return StreamingResponse(self._events(viewer), media_type="text/event-stream")
 
-    async def _drawn(self, request: Request) -> Response:
-        """Take a browser's word: its name, the prediction that it has drawn (or only got), and when its line came."""
+    async def _posted(self, request: Request) -> Response:
+        """Take a browser's word of WORDS, if it is one of a viewer."""
         if not is_own(request.headers) or "origin" not in request.headers:  # which browsers send with every POST
-            return Response("only the page itself says what it has drawn\n", status_code=403)
+            return Response("only the page itself says anything here\n", status_code=403)
+        kind, take = WORDS[request.url.path]
         try:
-            said = word(await request.body())
+            said = word(await request.body(), kind)
         except ClientDisconnect:  # nobody is there to be answered
             return Response(status_code=400)
         viewer = said and next((viewer for viewer in self._viewers if viewer.name == said.viewer), None)
-        if not viewer or not 0 <= said.number <= viewer.sent:
-            return Response("not the word of a viewer\n", status_code=400)
+        answer = viewer and await take(self, viewer, said)
+        return answer or Response("not the word of a viewer\n", status_code=400)
+
+    async def _drawn(self, viewer: "_Viewer", said: "Drawn") -> Response | None:
+        """Note what a browser has drawn; None where it never got that."""
+        if not 0 <= said.number <= viewer.sent:
+            return None
         viewer.hear(said.number)
         if said.arrived_s is not None:
             self.to_picture_ms.append(1e3 * min(max(time.monotonic() - said.arrived_s, 0.0), LONGEST_S))
         return Response(status_code=204)
 
+    async def _record(self, _: "_Viewer", said: "Record") -> Response | None:
+        """Start or stop recording, and answer what is recorded now; None where nothing can be."""
+        if self.recorder is None:
+            return None
+        await run_in_threadpool(self.recorder.start if said.record else self.recorder.stop)  # which write to a disk
+        self._status_due = 0.0
+        return Response(outputs.as_json(self.recorder.told()), media_type="application/json")
+
     async def _events(self, viewer: "_Viewer") -> AsyncIterator[str]:
         """Yield events for one browser: what the model is, predictions, and the end."""
         self._viewers.append(viewer)
         try:
-            yield event("model", {"viewer": viewer.name} | description(self.session.card))
+            held = {"viewer": viewer.name, "records": self.recorder is not None, "truth": self.truth is not None}
+            yield event("model", held | description(self.session.card))
             while True:
                 newest, behind = self.newest, len(viewer.unsaid) >= AHEAD
                 if newest is not None and newest.number > viewer.sent and not behind:
                     viewer.sent = newest.number
                     viewer.unsaid.append(newest.number)
-                    yield event("picture", picture(newest, self.session.card) | {"status": self._status_now()})
+                    truth = self.truth.of(newest.reading) if self.truth else {}
+                    said = picture(newest, self.session.card) | truth | {"status": self._status_now()}
+                    yield event("picture", said)
                     await asyncio.sleep(PICTURE_S)
                 elif self.closed:
                     yield event("end", {"status": self._status_now(anew=True)})
@@ -214,6 +249,7 @@ class Page:
                 "notes": list(self.session.notes),
                 "to_prediction_ms": percentiles([1e3 * taken for taken in list(self.session.to_prediction_s)]),
                 "to_picture_ms": percentiles(list(self.to_picture_ms)),
+                "recording": self.recorder and self.recorder.told(),
             }
         return self._status
 
@@ -309,24 +345,42 @@ def is_own(headers: Headers) -> bool:
     return all(origin == own for origin in origins) and all(site in ("same-origin", "none") for site in sites)
 
 
-class Word(NamedTuple):
-    """What a browser says."""
+class Drawn(NamedTuple):
+    """What a browser has drawn."""
 
     viewer: str
     number: int  # of a prediction
     arrived_s: float | None  # time.monotonic() of its line; None: it is not drawn
 
+    def is_sound(self) -> bool:
+        """Tell whether its values are of these kinds."""
+        is_time = self.arrived_s is None or (
+            type(self.arrived_s) in (int, float) and abs(self.arrived_s) < 2**53  # also for NaN
+        )
+        return type(self.viewer) is str and type(self.number) is int and is_time
 
-def word(body: bytes) -> Word | None:
-    """Return what a body says, None where it is no word of a viewer."""
+
+class Record(NamedTuple):
+    """The button that starts and stops a recording was pressed."""
+
+    viewer: str
+    record: bool
+
+    def is_sound(self) -> bool:
+        """Tell whether its values are of these kinds."""
+        return type(self.viewer) is str and type(self.record) is bool
+
+
+WORDS = {"/drawn": (Drawn, Page._drawn), "/record": (Record, Page._record)}  # path -> what is said there, who takes it
+
+
+def word(body: bytes, kind: type[Drawn] | type[Record]) -> Drawn | Record | None:
+    """Return what a body says, None where it is no word of that kind."""
     try:
-        said = Word(**json.loads(body))
+        said = kind(**json.loads(body))
     except (ValueError, TypeError, RecursionError):
         return None
-    is_time = said.arrived_s is None or (
-        type(said.arrived_s) in (int, float) and abs(said.arrived_s) < 2**53  # also for NaN
-    )
-    return said if type(said.viewer) is str and type(said.number) is int and is_time else None
+    return said if said.is_sound() else None
 
 
 def event(name: str, data: dict) -> str:

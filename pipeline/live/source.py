@@ -69,6 +69,7 @@ class Lines:
         self.count, self.rejects, self.rejected = 0, Counter(), ""  # rejected: the last such line
         self.longest = max(LONGEST_LINE, LONGEST_COLUMN * len(fmt.columns))  # bytes of a line
         self._rest, self._separator, self._second = b"", fmt.separator.encode(), parse.second(fmt)
+        self._header = b""  # the latest line that named the columns
         self._time = fmt.names.index(fmt.time)
         self._last: float | None = None  # time of the last good line, s
         self._late: list[float] = []  # times of the latest lines, one after the other, that are not later than _last
@@ -76,6 +77,16 @@ class Lines:
         self._printed_times: list[float] = []  # of the last three good lines
         self._turns = 0  # us that the clock has gone on since it began anew
         self._columns = Counter()  # of the first lines that have another number of them
+
+    @property
+    def head(self) -> bytes | None:
+        """What a log that begins now must have above its first line: the names of the columns, where a line said them.
+
+        None where that is not known: of a layout that skips lines, or knows the columns by their names.
+        """
+        if self._reader is not None:
+            return None if self._reader.layout.skip_lines or self._reader._wanted else b""
+        return self._header.rstrip(b"\r") + b"\n" if self._header else b""
 
     def take(self, data: bytes | None) -> list[Reading]:
         """Return the readings that are whole with these bytes; None: the device vanished, what it had begun is lost.
@@ -151,7 +162,7 @@ class Lines:
                 raise
             return False
         if found is not None:
-            self._printed = found
+            self._printed, self._header = found, line
             self._places = [found.names.index(name) for name in self.format.names]
         return found is not None
 

@@ -99,12 +99,28 @@ class Client:
         self.rest = self.rest[count:]
 
 
+class Pressed:
+    """A recorder of which only counts how often it was started and stopped."""
+
+    def __init__(self):
+        self.started = self.stopped = 0
+
+    def start(self) -> None:
+        self.started += 1
+
+    def stop(self) -> None:
+        self.stopped += 1
+
+    def told(self) -> dict:
+        return {"file": "array.log", "lines": 0, "runs": self.started > self.stopped, "problem": ""}
+
+
 @pytest.fixture
 def page(package, capfd):
     """A page whose session has predicted some lines; nothing may be said on the terminal."""
     model = predictor.load(package("linear"))
     session = Session(model, Lines(line_format(model.card), "array.log", "the model"), lambda _: None)
-    shown = server.Page(session, 0)
+    shown = server.Page(session, 0, Pressed())
     shown.port = int(shown.address.split(":")[2].strip("/"))
     shown.predictions = [*session.take(printed(press(60)), 0.0), *session.finish()]
     shown.add(shown.predictions[-1])
@@ -135,11 +151,11 @@ def viewer(client) -> str:
     return said["viewer"]
 
 
-def drawn(client, page, body, **headers) -> int:
+def drawn(client, page, body, path="/drawn", **headers) -> int:
     """The status of the answer to a word."""
     body = body if isinstance(body, bytes) else json.dumps(body).encode()
     own = {"Origin": f"http://127.0.0.1:{page.port}", "Content_Type": "text/plain"}
-    return client().send("POST", "/drawn", body, **own | headers).answer()[0]
+    return client().send("POST", path, body, **own | headers).answer()[0]
 
 
 ORIGINS = [  # of a request to 127.0.0.1:PORT
@@ -167,6 +183,36 @@ def test_another_origin_gets_no_pictures_and_says_nothing(origin, own, page, cli
     assert drawn(client, page, GOOD | {"viewer": name}, Origin=given) == (204 if own else 403)
 
 
+@pytest.mark.parametrize(("origin", "own"), ORIGINS)
+def test_another_origin_presses_no_button(origin, own, page, client):
+    """Not even with the name of a viewer, which it cannot know; without an origin, or for another site, nobody does."""
+    given, press_it = origin.format(port=page.port, other=page.port + 1), {"viewer": viewer(client), "record": True}
+    assert drawn(client, page, press_it, "/record", Origin=given) == (200 if own else 403)
+    assert drawn(client, page, press_it, "/record", Origin=None) == 403
+    for site in ("cross-site", "same-site"):
+        assert drawn(client, page, press_it, "/record", Sec_Fetch_Site=site) == 403
+    assert page.recorder.started == own and not page.recorder.stopped
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"viewer": name} for name in ("", "1", None, 1, ["x"], "0" * 64)]
+    + [{"record": value} for value in (1, 0, "true", None, [True], {})]
+    + [{"more": 1}],
+)
+def test_a_press_of_no_viewer_is_refused(changed, page, client):
+    name = viewer(client)
+    assert drawn(client, page, {"viewer": name, "record": True} | changed, "/record") == 400
+    assert drawn(client, page, {"viewer": name}, "/record") == 400
+    assert drawn(client, page, GOOD | {"viewer": name}, "/record") == 400
+    assert not page.recorder.started and not page.recorder.stopped
+
+
+def test_where_nothing_can_be_recorded_no_press_is_taken(page, client):
+    page.recorder = None
+    assert drawn(client, page, {"viewer": viewer(client), "record": True}, "/record") == 400
+
+
 @pytest.mark.parametrize("site", ["cross-site", "same-site", "none", "same-origin", "CROSS-SITE"])
 def test_what_a_browser_asks_for_another_site_is_refused(site, page, client):
     """An image or a script of another site sends no origin, but says this; another port here is of the same site."""
@@ -190,7 +236,9 @@ def test_a_page_by_another_name_of_this_machine_is_one(page, client):
 
 
 @pytest.mark.parametrize("host", ["evil.com", "127.0.0.1.evil.com", "evil.com:{port}", "", "[::1]:{port}"])
-@pytest.mark.parametrize(("method", "path"), [("GET", "/"), ("GET", "/pictures"), ("POST", "/drawn")])
+@pytest.mark.parametrize(
+    ("method", "path"), [("GET", "/"), ("GET", "/pictures"), ("POST", "/drawn"), ("POST", "/record")]
+)
 def test_another_host_is_refused(method, path, host, page, client):
     given = host.format(port=page.port)
     status, _ = client().send(method, path, b"", Host=given, Origin=f"http://{given}").answer()
@@ -213,7 +261,7 @@ def test_another_host_is_refused(method, path, host, page, client):
     ],
 )
 @pytest.mark.parametrize(
-    ("method", "path"), [("POST", "/drawn"), ("GET", "/"), ("GET", "/pictures"), ("POST", "/none")]
+    ("method", "path"), [("POST", "/drawn"), ("POST", "/record"), ("GET", "/"), ("GET", "/pictures"), ("POST", "/none")]
 )
 def test_a_body_is_refused_before_it_is_read(method, path, headers, page, client):
     """No byte of the body is sent: who answers has read none."""
@@ -276,7 +324,7 @@ def test_a_word_of_no_viewer_is_refused(changed, page, client):
     + ['{"viewer": "a"}'.encode("utf-16"), b'{"viewer":1,"viewer":2}', b"[{}]", b'["viewer","number","arrived_s"]'],
 )
 def test_what_is_no_word_is_refused(body, page, client):
-    assert drawn(client, page, body) == 400
+    assert drawn(client, page, body) == drawn(client, page, body, "/record") == 400
 
 
 def test_times_are_of_0_to_60_seconds(page, client):
@@ -302,6 +350,8 @@ def test_every_answer_says_who_may_show_it(page, client):
         ("GET", "/page.css", 200),
         ("GET", "/pictures", 200),
         ("POST", "/drawn", 403),
+        ("POST", "/record", 403),
+        ("GET", "/record", 405),
         ("GET", "/none", 404),
         ("GET", "/drawn", 405),
         ("HEAD", "/pictures", 403),
@@ -514,9 +564,13 @@ def test_a_web_site_in_a_browser_gets_and_says_nothing(page, client, tab, tmp_pa
     try:
         tab.open(f"http://127.0.0.1:{site.server_port}/")
         body = json.dumps({"viewer": name, "number": 0, "arrived_s": 0.0})
+        pressed = json.dumps({"viewer": name, "record": True})
         for mode in ("no-cors", "cors"):
             say = f"fetch('{page.address}drawn', {{method: 'POST', mode: '{mode}', body: {body!r}}})"
             tab.run(f"{say}.then(answer => answer.status, () => null)")
+            tab.run(
+                f"{say.replace('drawn', 'record').replace(body, pressed)}.then(answer => answer.status, () => null)"
+            )
         asks = f"new Promise(end => {{ const asked = new EventSource('{page.address}pictures'); asked.onerror = end }})"
         tab.run(f"{asks}.then(() => 1)")
         image = (
@@ -525,7 +579,7 @@ def test_a_web_site_in_a_browser_gets_and_says_nothing(page, client, tab, tmp_pa
         tab.run(f"{image}.then(() => 1)")
         frame = f"document.body.append(Object.assign(document.createElement('iframe'), {{src: '{page.address}'}}))"
         tab.run(f"{frame}, new Promise(end => setTimeout(end, 1000))")
-        assert page._viewers == before and not page.to_picture_ms
+        assert page._viewers == before and not page.to_picture_ms and not page.recorder.started
         tab.open(page.address)
         until(lambda: "live" in tab.run("document.getElementById('state').textContent"), 20)
         until(lambda: page.to_picture_ms, 20)
