@@ -380,7 +380,8 @@ function freeze(date) {
   element("save").disabled = !frozen;
   element("frozen").textContent = frozen ? `Frozen at ${clock(frozen)}; the session goes on.` : "";
   if (frozen) paint(shown, true); // all of it of one picture
-  else draw();
+  else if (waiting !== null) draw();
+  else if (drawn) paint(drawn, true);
 }
 
 function setZero(one) {
