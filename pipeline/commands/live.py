@@ -209,14 +209,17 @@ class Recorder:
 
 
 def truth_beside(log: Path | None, card: Card):
-    """Return the ground truth beside a replayed log; None where there is none, or it cannot be read, which is said."""
-    from pipeline.live import truth
+    """Return what tells the truth of a replayed log's readings; None where nothing does, or it cannot be read."""
+    if log is None:
+        return None
+    from pipeline.live import truth  # here, because the import of recordings takes a second
 
     try:
-        return log and truth.beside(log, card)
+        found = truth.beside(log, card)
     except InputError as error:
         say(f"{error}; the page shows no truth")
         return None
+    return found and found.of
 
 
 def as_printed(workspace: Workspace, card: Card, given: argparse.Namespace) -> Card:

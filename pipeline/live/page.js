@@ -89,6 +89,8 @@ function image([rows, columns], share) {
   return canvas;
 }
 
+const scales = { upright: null, flat: null }; // all colours, the darkest below or on the left
+
 function drawMap(picture) {
   const [rows, columns] = model.map;
   const [across, up] = model.size_mm;
@@ -103,7 +105,7 @@ function drawMap(picture) {
   context.imageSmoothingEnabled = false;
   context.drawImage(image(model.map, (cell) => values[cell] / 255 * peak / most), left, top, inner, high);
 
-  context.drawImage(image([64, 1], (cell) => cell / 63), width - right + 14, top, 14, high);
+  context.drawImage(scales.upright, width - right + 14, top, 14, high);
   context.textBaseline = "middle";
   for (const share of [0, 0.5, 1]) context.fillText(short(share * most), width - right + 32, top + high * (1 - share) + (share === 1 ? 6 : share ? 0 : -6));
   context.fillText("kPa", width - right + 14, top + high + 14);
@@ -146,7 +148,7 @@ function drawMap(picture) {
 }
 
 // The course of the last HELD_S seconds.
-function drawPlot(canvas, shape) {
+function drawPlot(canvas, shape, words = "") {
   const [context, width, height] = room(canvas, shape);
   const left = 48, right = 8, top = 8, bottom = 24;
   if (!history.length) return;
@@ -165,6 +167,8 @@ function drawPlot(canvas, shape) {
   context.fillText(`${HELD_S} s ago`, left, height - 10);
   context.textAlign = "right";
   context.fillText("now", width - right, height - 10);
+  context.textAlign = "left";
+  context.fillText(words, left + 6, top + 10);
   history[0][1].forEach((_, place) => {
     context.beginPath();
     for (const [time, one] of history) if (Number.isFinite(one[place])) context.lineTo(x(time), y(one[place]));
@@ -223,7 +227,7 @@ function drawReading(picture) {
       context.fillText(whole ? whole(value) : value.toFixed(2), x + cell / 2, y + high / 2);
     }
   });
-  context.drawImage(image([1, 64], (place) => place / 63), 0, grid + 5, width, 10);
+  context.drawImage(scales.flat, 0, grid + 5, width, 10);
   context.fillStyle = style("--ink");
   for (const [side, x, value] of [["left", 0, least], ["right", width, most]]) {
     context.textAlign = side;
@@ -277,7 +281,8 @@ function paint(picture, words = performance.now() - worded > WORDS_MS) {
   say(picture);
   if (!words) return;
   worded = performance.now();
-  if (model.touch_kpa !== null) drawPlot(element("force"), 0.22);
+  label(picture);
+  if (model.touch_kpa !== null) drawPlot(element("force"), 0.22, "Force, N");
   status(picture.status);
 }
 const after = new MessageChannel();
@@ -311,22 +316,29 @@ function between(picture, output, digits) {
   return low === undefined || low === null ? "" : ` (${low.toFixed(digits)} to ${high.toFixed(digits)})`;
 }
 
-function say(picture) {
+// Write rows of cells into the table, of which those that stay as they are cost nothing.
+function tabulate(rows) {
   const body = element("values").tBodies[0];
+  while (body.rows.length > rows.length) body.deleteRow(-1);
+  rows.forEach((values, place) => {
+    const row = body.rows[place] ?? body.appendChild(cells("td", values));
+    values.forEach((value, k) => { if (row.cells[k].textContent !== `${value}`) row.cells[k].textContent = value; });
+  });
+}
+
+function say(picture) {
   const total = element("total");
   if (!picture.known) {
     total.textContent = model.kind === "images" ?
       "This reading makes no image." : "No prediction yet: the model must see a whole window without a gap.";
-    body.replaceChildren();
+    tabulate([]);
   } else if (model.touch_kpa !== null) {
-    body.replaceChildren(...picture.touches.map((touch, place) =>
-      cells("td", [place + 1, touch.x_mm.toFixed(1), touch.y_mm.toFixed(1), touch.kpa.toFixed(0)])));
+    tabulate(picture.touches.map((touch, place) =>
+      [place + 1, touch.x_mm.toFixed(1), touch.y_mm.toFixed(1), touch.kpa.toFixed(0)]));
     total.textContent = `${picture.touches.length || "No"} touch${picture.touches.length === 1 ? "" : "es"}; force ${fixed(picture.force_n, 1)} N${between(picture, "force_n", 1)}`;
     if ("load_cells_n" in picture) total.textContent += `, on the load cells ${fixed(picture.load_cells_n, 1)} N`;
     const peak = between(picture, "peak_kpa", 0);
     if (peak && !picture.outside_training) total.textContent += `; peak ${picture.peak.toFixed(0)} kPa${peak}`;
-    element("prediction").setAttribute("aria-label", `Pressure map: ${picture.touches.map((touch) =>
-      `${touch.kpa.toFixed(0)} kPa at ${touch.x_mm.toFixed(0)}, ${touch.y_mm.toFixed(0)} mm`).join("; ") || "no touch"}`);
   } else if (model.kind === "images") {
     total.textContent = `Most likely: ${picture.object}`;
     if (picture.outside_training) total.textContent += "; no set: outside the training";
@@ -334,8 +346,19 @@ function say(picture) {
   } else {
     const values = picture.values ?? [picture.force_n];
     const names = model.names ?? ["force_n"];
-    body.replaceChildren(...values.map((value, place) =>
-      cells("td", [`${names[place].replace(/_\w+$/, "")} (${["line", "dashes", "dots"][place % 3]})`, fixed(value, 2) + between(picture, names[place], 2)])));
+    tabulate(values.map((value, place) =>
+      [`${names[place].replace(/_\w+$/, "")} (${["line", "dashes", "dots"][place % 3]})`, fixed(value, 2) + between(picture, names[place], 2)]));
+  }
+}
+
+// Tell in words what the canvases show.
+function label(picture) {
+  if (picture.known && model.touch_kpa !== null) {
+    element("prediction").setAttribute("aria-label", `Pressure map: ${picture.touches.map((touch) =>
+      `${touch.kpa.toFixed(0)} kPa at ${touch.x_mm.toFixed(0)}, ${touch.y_mm.toFixed(0)} mm`).join("; ") || "no touch"}`);
+    element("force").setAttribute("aria-label", `Plot of the force of the last ${HELD_S} s, now ${fixed(picture.force_n, 1)} N`);
+  } else if (picture.known && model.kind !== "images") {
+    const values = picture.values ?? [picture.force_n], names = model.names ?? ["force_n"];
     element("prediction").setAttribute("aria-label", `Plot of the last ${HELD_S} s: ${values.map((value, place) =>
       `${names[place].replace("_", " in ")} ${fixed(value, 2)}`).join(", ")}`);
   }
@@ -394,7 +417,7 @@ function setZero(one) {
     "of its training alone. Recordings hold the lines as they come. Press Zero again to see the readings." : "";
   if (!shown) return;
   spans.reading.add(Math.min(...zeroed(shown)), Math.max(...zeroed(shown)));
-  paint(shown);
+  paint(shown, true);
 }
 
 // Save what is frozen as a picture: the canvases, or bars, where they are on the page, below name and time.
@@ -456,6 +479,8 @@ function listen() {
     model = JSON.parse(event.data);
     drawn = waiting = shown = null; // a word is of the pictures of this connection
     model.viridis = bytes(model.viridis);
+    scales.upright = image([64, 1], (place) => place / 63);
+    scales.flat = image([1, 64], (place) => place / 63);
     if (frozen) freeze(null);
     setZero(null);
     history.length = latest.length = 0;

@@ -43,7 +43,7 @@ from pipeline.inference import intervals
 from pipeline.inference.card import Card
 from pipeline.live import outputs
 from pipeline.live.session import Prediction, Session
-from pipeline.live.truth import Truth
+from pipeline.live.source import Reading
 
 HOST = "127.0.0.1"  # nothing outside this machine can ask
 PICTURE_S = 0.008  # between two pictures for one browser, which draws 60 a second
@@ -87,10 +87,16 @@ class Recorder(Protocol):
 class Page:
     """The page of one session, served until `close`. `address`: where."""
 
-    def __init__(self, session: Session, port: int, recorder: Recorder | None = None, truth: Truth | None = None):
+    def __init__(
+        self,
+        session: Session,
+        port: int,
+        recorder: Recorder | None = None,
+        truth: Callable[[Reading], dict] | None = None,
+    ):
         """Start the server; port 0: any that is free. Raises InputError where the port is taken.
 
-        recorder: what the button "Record" starts; None: it does nothing. truth: of the readings of a replayed log.
+        recorder: what the button "Record" starts; None: it does nothing. truth: as of `Truth.of`.
         """
         self.session, self.recorder, self.truth, self.newest, self.closed = session, recorder, truth, None, False
         self.to_picture_ms: deque[float] = deque(maxlen=KEPT)
@@ -219,7 +225,7 @@ class Page:
                 if newest is not None and newest.number > viewer.sent and not behind:
                     viewer.sent = newest.number
                     viewer.unsaid.append(newest.number)
-                    truth = self.truth.of(newest.reading) if self.truth else {}
+                    truth = self.truth(newest.reading) if self.truth else {}
                     said = picture(newest, self.session.card) | truth | {"status": self._status_now()}
                     yield event("picture", said)
                     await asyncio.sleep(PICTURE_S)

@@ -218,7 +218,7 @@ def test_a_replay_shows_its_truth_and_records_nothing(shown, tab):
     log = ROOT / "data" / "sample" / "double" / "two_touches" / "array.log"
     folder = ROOT / "pretrained" / "touch" / "lomp_stream"
     known = truth.beside(log, cards.read(folder))
-    view = shown(folder, known=known)
+    view = shown(folder, known=known.of)
     tab.run(RINGS)
     raw = log.read_bytes().splitlines(keepends=True)
     taken = Lines(line_format(cards.read(folder)), "array.log", "the model")
