@@ -13,6 +13,7 @@ Examples:
 
 import argparse
 import errno
+import gc
 import re
 import sys
 import tempfile
@@ -105,6 +106,8 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         page = Page(session, given.http_port, recorder, truth_beside(given.replay, printed))
         places.append(page)
         say(f"{page.address} shows it; Ctrl-C ends it")
+    gc.collect()
+    gc.freeze()  # else the libraries are searched for garbage every few seconds, 0.4 s in which no line is read
     try:
         if given.csv:
             places.append(outputs.Table(sys.stdout, card))
@@ -119,6 +122,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         for _ in chunks:  # what is under way is recorded
             pass
     finally:
+        gc.unfreeze()
         if page is not None:
             page.close()
     say(sentence(session))
