@@ -1,7 +1,7 @@
 """Make docs/live.png and docs/mlflow.png anew: python -m tools.pictures
 
 A headless Chromium opens the live page on the sample, at a moment with two touches and two tips, and the first
-comparison of `tactile track --serve`. That takes two minutes, in which MLflow's port must be free.
+comparison of `tactile track --serve`. That takes two to four minutes, in which MLflow's port must be free.
 """
 
 import base64
@@ -86,13 +86,14 @@ def mlflow(browser: Browser) -> None:
         link = next(line.rpartition(" ")[2].strip() for line in until_served if "compare them at" in line)
         browser.call("Emulation.setDeviceMetricsOverride", width=1600, height=900, deviceScaleFactor=1, mobile=False)
         browser.open(link)
-        browser.run(CLOSE)
         deadline, bars = time.monotonic() + 120, -1
         while bars <= 0 or bars != browser.run(BARS):
             if time.monotonic() > deadline:
                 sys.exit(f"{link}: MLflow draws no bars")
             bars = browser.run(BARS)
             time.sleep(5)
+        browser.run(CLOSE)
+        time.sleep(5)
         photograph(browser, "mlflow.png", 1600, 900)
 
 
