@@ -322,7 +322,8 @@ def maps(
         ax.set_ylabel(name, rotation=0, ha="right", va="center", labelpad=6)
     look = {"location": "bottom", "shrink": 0.9, "aspect": 30, "pad": 0.01}
     figure.colorbar(drawn[True], ax=axes[:, :1], label="Counts", extend="min", **(look | {"aspect": 10}))
-    figure.colorbar(drawn[False], ax=axes[:, 1:], label=of.label, extend="both", ticks=MaxNLocator(5), **look)
+    ticks = [at for at in MaxNLocator(5).tick_values(0, of.highest) if at <= of.highest]
+    figure.colorbar(drawn[False], ax=axes[:, 1:], label=of.label, extend="both", ticks=ticks, **look)
     side = f"{extent[1] / 10:g} cm x {extent[3] / 10:g} cm"
     figure.suptitle(style.literal(f"{title}; each is {side}\n{caption}"))
     style.save(figure, path)
