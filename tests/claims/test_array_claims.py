@@ -133,7 +133,7 @@ def test_the_row_of_a_claim_says_folds_persons_and_trainings(evidence):
     table = judge.table([BY_ID["lomp/best-two/recorded"]], evidence)
     row = table.iloc[0]
     assert (row["data"], row["protocol"], row["seeds"]) == ("recorded", "fold_0 to fold_4", 1000)
-    assert row["over"] == "draws of persons of 15 trainings"
+    assert row["over"] == "resamplings of persons, 15 trainings"
     low, high = interval(evidence.draws("array_recorded", FOLDS, "two", "linear", "rmse", "", "full"))[1:3]
     assert row["ours"] == pytest.approx(8.0 / 6.1) and 0.05 < (high - low) / low
 

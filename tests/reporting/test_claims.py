@@ -76,7 +76,7 @@ def test_what_was_tried_stands_where_a_claim_is_not_reproduced(workspace):
     assert (
         len(re.findall(r"\| 0.250 to 3.00 \| +0.750 \| Linear in place of LoMP \(0.500\) \|", text)) == len(rows) - 1
     ), "all but what is beyond the paper"
-    assert tried.count("No reason was looked for.") == 1
+    assert tried.count("Not investigated.") == 1
     (waiting,) = re.findall(r"\n\| A\. .*", text.split("## Open claims")[1].split("\n## ")[0])
     assert [cell.strip() for cell in waiting.split("|")[1:-1]] == ["A.", "simulated", "25 %", "3 seeds", "why"]
 
