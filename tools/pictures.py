@@ -19,11 +19,11 @@ from tests.builders.browser import Browser
 ROOT = Path(__file__).parents[1]
 TACTILE = [sys.executable, "-m", "pipeline.commands.command_line"]
 MOST_BYTES = 300_000
-# Two touches where two tips press hard, 10 s after the page was opened, so that there is a course of the force.
+# Two touches where two tips press hard, 5 s after the page was opened, so that there is a course of the force.
 PRESSED = """new Promise((end) => {
   const look = () => {
     const two = shown?.touches?.length === 2 && shown.tips?.length === 2 && shown.force_n > 25;
-    if (two && shown.t_s - history[0][0] > 10) { freeze(new Date()); end(1); } else requestAnimationFrame(look);
+    if (two && shown.t_s - history[0][0] > 5) { freeze(new Date()); end(1); } else requestAnimationFrame(look);
   };
   look();
 })"""
