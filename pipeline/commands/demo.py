@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Predict the sample, or replay it, or write logs; InputError where there is something in their place."""
     if given.logs:
-        write_logs(workspace, given.logs)
+        write_logs(workspace, given.logs, params.load(paths.BROUGHT / "params.yaml")["touch"])
         return
     model = str(paths.require(workspace.brought(MODEL), BROUGHT))
     sample = paths.require(workspace.brought(SAMPLE) / LOG, BROUGHT)
@@ -67,15 +67,14 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     print("the same on the live page: `tactile demo --live`; on your own log: `tactile predict touch/lomp_stream LOG`")
 
 
-def write_logs(workspace: Workspace, folder: Path) -> None:
-    """Write the logs of a simulated array to a new folder, and print what to do with them."""
+def write_logs(workspace: Workspace, folder: Path, settings: dict) -> None:
+    """Write the logs of a simulated array to a new folder, and print what to do with them; settings: the block `touch`."""
     from pipeline.commands import own  # imports that the other two need not wait for
     from pipeline.scenes import touch
 
     name = own.name_of(workspace, folder)
     if folder.exists():
         raise InputError(f"{folder}: is there already; name another folder")
-    settings = params.load(paths.BROUGHT / "params.yaml")["touch"]
     settings["simulate"] |= {"specimen": ARRAY, "single": SINGLE, "double": DOUBLE}
     recordings, logs_of = touch.plan(settings)
     recordings = [each for each in recordings if each.condition in ("single", "double")]

@@ -18,7 +18,7 @@ from pipeline.datasets import schemas
 from pipeline.reporting import coverage
 from pipeline.reporting.figures import common
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import experiment_name, model_name, place_name, plain
+from pipeline.reporting.words.labels import capitalised, experiment_name, model_name, plain
 from pipeline.scoring import classification, metrics
 from pipeline.scoring.results import read_predictions, read_windows
 
@@ -64,7 +64,7 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
     places = {}
     for place, measured in report.scored().items():
         shown = {heading: name for name, heading in MEASURES[kind].items() if name in measured and name not in unknown}
-        places[place] = place_name(*place), {heading: (*place, metric) for heading, metric in shown.items()}
+        places[place] = _place_name(*place), {heading: (*place, metric) for heading, metric in shown.items()}
     parts = {
         plain(protocol): schemas.names(rows[schemas.split_column(protocol, block["seeds"][0])])
         for protocol, block in settings["protocols"].items()
@@ -89,6 +89,12 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
         undrawn=len(places) - len(shown),
         ends=ENDS,
     )
+
+
+def _place_name(protocol: str, condition: str) -> str:
+    """Return protocol and condition in the words of the logs, whose areas `combined` may be any."""
+    named = condition == protocol or protocol.endswith(f"_{condition}")
+    return capitalised(plain(protocol) if named else f"{plain(protocol)}, {condition}")
 
 
 def recordings(reports: Mapping[str, Mapping]) -> Iterator[tuple[str, int, float, int, float]]:

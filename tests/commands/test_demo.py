@@ -1,5 +1,6 @@
 """`tactile demo` shows what a trained model does, with nothing but a checkout."""
 
+import argparse
 import json
 import os
 import shlex
@@ -78,7 +79,7 @@ def test_the_logs_of_a_sensor_go_the_whole_way(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(demo, "SINGLE", demo.SINGLE | {"points_per_side": 4, "presses_per_recording": 16})
     monkeypatch.setattr(demo, "DOUBLE", demo.DOUBLE | {"presses_per_recording": 2})
-    demo.write_logs(Workspace(tmp_path), Path("bench") / "pad")
+    demo.main(Workspace(tmp_path), argparse.Namespace(logs=Path("bench") / "pad"))
     said = capsys.readouterr().out
     lines = [shlex.split(line, comments=True) for line in said.splitlines() if line.startswith("  tactile ")]
     assert [words[1] for words in lines] == ["check", "sheet", "try", "predict", "live"]
@@ -90,4 +91,4 @@ def test_the_logs_of_a_sensor_go_the_whole_way(tmp_path, monkeypatch, capsys):
     assert "rmse (kPa)" in done.stdout
     assert Path(live[-1]).is_file() and Path(live[4]).is_dir()
     with pytest.raises(InputError, match="bench/pad: is there already"):
-        demo.write_logs(Workspace(tmp_path), Path("bench") / "pad")
+        demo.main(Workspace(tmp_path), argparse.Namespace(logs=Path("bench") / "pad"))
