@@ -68,7 +68,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
 
 
 def write_logs(workspace: Workspace, folder: Path, settings: dict) -> None:
-    """Write the logs of a simulated array to a new folder, and print what to do with them; settings: the block `touch`."""
+    """Write the logs of a simulated array to a new folder, and print what to do with them; settings: block `touch`."""
     from pipeline.commands import own  # imports that the other two need not wait for
     from pipeline.scenes import touch
 
