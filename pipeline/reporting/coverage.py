@@ -1,6 +1,6 @@
 """Show how often the 90 % intervals, or sets of classes, of trained models held the truth on test data."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pandas as pd
 
@@ -25,8 +25,8 @@ def read(workspace: Workspace, experiment: str) -> pd.DataFrame:
     return results.read_csv(workspace.coverage(experiment), COLUMNS, f"tactile coverage {experiment}")
 
 
-def rows(table: pd.DataFrame) -> Iterator[list[str]]:
-    """Yield the rows under HEADER: of each protocol and test condition, the outputs of one model.
+def rows(table: pd.DataFrame, named: Callable[[str, str], str] = place_name) -> Iterator[list[str]]:
+    """Yield the rows under HEADER: of each protocol and test condition (`named`), the outputs of one model.
 
     It is the model with the narrowest intervals of the first output, or of this one where that cannot tell. A model is
     inside where its coverage is plausible.
@@ -40,7 +40,7 @@ def rows(table: pd.DataFrame) -> Iterator[list[str]]:
             shown = best if best in set(group["model"]) else narrowest
             for row in group[group["model"] == shown].itertuples():
                 yield [
-                    place_name(protocol, condition),
+                    named(protocol, condition),
                     output if case == "always" else f"{output}, {case}",
                     model_name(shown),
                     f"{row.calibrated} {conformal.plural(row.group, row.calibrated)}",
@@ -60,7 +60,7 @@ def _furthest(group: pd.DataFrame) -> str:
     return f"{model_name(row['model'])} {100 * row['share']:.0f}{reason}"
 
 
-def untold(table: pd.DataFrame) -> list[str]:
+def untold(table: pd.DataFrame, named: Callable[[str, str], str] = place_name) -> list[str]:
     """Return the protocols of which no model has an interval, of any output or of those named, and how many groups."""
     said = []
     for protocol, of_protocol in table.groupby("protocol", sort=False):
@@ -72,5 +72,5 @@ def untold(table: pd.DataFrame) -> list[str]:
             most = int(group["calibrated"].max())
             of = output if case == "always" else f"{output}, {case}"
             count = f"{most} {conformal.plural(group['group'].iloc[0], most)}"
-            said.append(f"{place_name(protocol, protocol)} ({of}{': ' if of else ''}{count})")
+            said.append(f"{named(protocol, protocol)} ({of}{': ' if of else ''}{count})")
     return said

@@ -70,7 +70,10 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
         for protocol, block in settings["protocols"].items()
     }
     shown = {place: places[place][0] for place in ends(report, list(places), next(iter(MEASURES[kind])))}
-    covered = coverage.read(workspace, experiment) if workspace.coverage(experiment).exists() else None
+    covered = None
+    if workspace.coverage(experiment).exists():
+        table = coverage.read(workspace, experiment)
+        covered = coverage.HEADER, list(coverage.rows(table, _place_name)), coverage.untold(table, _place_name)
     figures = list(draw(workspace, target, report, settings, rows, shown))
     report.write(
         target / "README.md",
@@ -84,7 +87,7 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
         more=max(0, len(ingested["recordings"]) - MOST_RECORDINGS),
         parts={name: {part: int((of == part).sum()) for part in schemas.PARTS[:3]} for name, of in parts.items()},
         places=places,
-        coverage=None if covered is None else (coverage.HEADER, list(coverage.rows(covered)), coverage.untold(covered)),
+        coverage=covered,
         figures=figures,
         undrawn=len(places) - len(shown),
         ends=ENDS,
