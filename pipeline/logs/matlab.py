@@ -42,5 +42,6 @@ def variables(path: Path, largest: int, **options: object) -> dict:
         start = file.read(16)
     if start.startswith((b"MATLAB 7.3", b"\x89HDF")):
         raise InputError(f"{path}: MATLAB version 7.3 (HDF5) is not read; load it and save it again with '-v7'")
-    read = scipy.io.loadmat
-    return foreign.apart(path, WHOLE, "get it again", read, path, memory=2 * largest, seconds=SECONDS, **options)
+    return foreign.apart(
+        path, WHOLE, "get it again", scipy.io.loadmat, path, memory=2 * largest, seconds=SECONDS, **options
+    )
