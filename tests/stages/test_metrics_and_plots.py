@@ -32,7 +32,7 @@ def test_dvc_shows_models_as_rows_no_wider_than_a_screen():
     assert max(map(len, shown.splitlines())) <= 120
     table = pd.read_csv(ROOT / "reports" / "touch" / "speed" / "table2.csv")
     paths = [row[0].strip() for row in rows]
-    assert f"reports/metrics/touch/double_touch/{table['model'].iloc[-1]}.json" in paths
+    assert f"reports/metrics/touch/two_touches/{table['model'].iloc[-1]}.json" in paths
     assert len(paths) == len(list((ROOT / "reports" / "metrics").rglob("*.json")))
 
 
