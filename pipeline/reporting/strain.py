@@ -139,17 +139,18 @@ def draw_time(report: Report, path: Path) -> None:
 def errors_beyond(results: Results, models: Iterable[str], settings: Mapping) -> pd.DataFrame:
     """Return the error on task 1 (mm) of each finger's models, by how far its drift leaves the range of training.
 
-    One row a finger, by seed: `beyond`, and a column a model. `beyond` is the mean distance of the strands' mean drift
-    (equation 6 of the scene) in the test part from its range before the test part, as a share of that range.
+    One row a finger, by seed: `beyond`, and a column a model. `beyond` is the mean distance of a strand's drift
+    (equation 6 of the scene) in the test part from its range before the test part, as a share of that range, and its
+    mean over strands.
     """
     columns = {model: results.runs("strain", "task_1", "task_1", model, "error") for model in models}
     table, scene = pd.DataFrame(columns).assign(beyond=np.nan), settings["simulate"]
     for seed in table.index:
         finger = scene | {"specimen": scene["specimen"] + seed}
         _, drift = drift_at_samples("task_1", f"run{seed:03d}", finger, settings["sensor"]["channels"])
-        trained, tested = np.split(drift.mean(axis=1), [round(settings["split"]["train"] * len(drift))])
-        away = np.maximum(np.maximum(trained.min() - tested, tested - trained.max()), 0)
-        table.loc[seed, "beyond"] = away.mean() / max(np.ptp(trained), 1e-12)
+        trained, tested = np.split(drift, [round(settings["split"]["train"] * len(drift))])
+        away = np.maximum(np.maximum(trained.min(axis=0) - tested, tested - trained.max(axis=0)), 0)
+        table.loc[seed, "beyond"] = np.mean(away.mean(axis=0) / np.maximum(np.ptp(trained, axis=0), 1e-12))
     return table
 
 

@@ -27,9 +27,11 @@ the surface (z = 0: it just touches), p the place of the finger's tip on the sur
        B_x = u_x + b D + lean x,     B_y = u_y + lean y.
 
    Only the lean and G depend on the absolute place. Both are small: the lean has 1.4 mm at the edge, drag 7 to 12 mm.
-3. Strand i at the angle phi_i around the finger, with its own length and so its own gain g_i:
+3. Strand i at the angle phi_i around the finger, with its own length and so its own gain g_i. It lies in the finger
+   with some slack b_0, and stretches by what bends it further, with a smooth onset of w:
 
-       e_i = s g_i (B_x cos phi_i + B_y sin phi_i - c D),          relative change of resistance.
+       e_i = s g_i (T(b_i) - T(0)),          relative change of resistance,
+       b_i = B_x cos phi_i + B_y sin phi_i - c D,     T(b) = w ln(1 + exp((b - b_0) / w)).
 
 4. Relaxation. Whatever deforms a strand breaks conductive paths, which form again with two times T: resistance jumps
    up at every change of strain and falls back while nothing moves (conductive paths in carbon-filled elastomers:
@@ -42,19 +44,20 @@ the surface (z = 0: it just touches), p the place of the finger's tip on the sur
 
        m <- m + (1 - exp(-dt / T)) (r - m),     T = T_loading where r > m, else T_unloading.
 
-6. Drift d_i of the resistance at rest, beside h: a stationary random process that all strands share, such as the
-   temperature (Ornstein-Uhlenbeck, correlation time `wander_time_s`), and ageing with the logarithm of time, a_i = 0.5
-   to 1.5:
+6. Drift d_i of the resistance at rest, beside h: a stationary random process of the strand's own (Ornstein-Uhlenbeck,
+   correlation time `wander_time_s`), and ageing with the logarithm of time, a_i = 0.5 to 1.5:
 
-       d_i = wander O(t) + ageing a_i ln(1 + t / T_ageing).
+       d_i = wander O_i(t) + ageing a_i ln(1 + t / T_ageing).
 
 7. Voltage divider with the reference resistor R_ref at the supply: V = supply R / (R + R_ref), R = R_0 (1 + m + d).
 
-4, 6, the noise, and s are fitted to strain-sensor recordings of one of the paper's authors (reports/twins; 30 and 31
+3, 4, 6 and the noise are fitted to strain-sensor recordings of one of the paper's authors (reports/twins; 30 and 31
 July 2019). What drifts there is the voltage at rest, and it drifts because the strands are used: it is correlated by
 0.8 with that before the previous press, by 0.2 with that 20 presses earlier and not at all after 200; its strand's own
-earlier responses explain 0.6 of its variance, and between presses it only falls back. A random walk, which grows for
-hours, is not in the recordings, and noise that wanders within seconds would exceed the 2 mV between two readings.
+earlier responses explain 0.6 of its variance, and between presses it only falls back. Without slack they explain
+nothing, since a strand then answers to every press alike. Means over 150 s of two strands are hardly correlated, so that
+no drift is shared. A random walk, which grows for hours, is not in the recordings, and noise that wanders within seconds
+would exceed the 2 mV between two readings.
 `motion.press_fastest_mm_s` is then set by strain.yardstick: the paper does not give the arm's speed, and the faster the
 arm, the more paths break. All other numbers are plain engineering numbers.
 Differs from paper: the fingers, their surface and all their numbers are simulated; the paper gives none of them.
@@ -218,7 +221,13 @@ def strains(recording: Recording, settings: Mapping, strands: int) -> np.ndarray
     shift = generator(recording.specimen, "angle").normal(0, strand["angle_spread_deg"], strands)
     angle = np.radians(angles_deg(strands) + shift)
     bending = np.outer(bent_x, np.cos(angle)) + np.outer(bent_y, np.sin(angle))
-    return strand["sensitivity_per_mm"] * gain * (bending - finger["compression"] * depth[:, None])
+    return strand["sensitivity_per_mm"] * gain * stretched(bending - finger["compression"] * depth[:, None], strand)
+
+
+def stretched(bending_mm: np.ndarray, strand: Mapping) -> np.ndarray:
+    """Return T(b) - T(0) of equation 3 in mm, for bendings of any shape: 0 at rest, hardly less on the other side."""
+    slack, onset = strand["slack_mm"], strand["onset_mm"]
+    return onset * (np.logaddexp(0, (bending_mm - slack) / onset) - np.logaddexp(0, -slack / onset))
 
 
 def relaxed(strain: np.ndarray, strand: Mapping, rng: np.random.Generator) -> np.ndarray:
@@ -245,18 +254,19 @@ def asymmetric(response: np.ndarray, strand: Mapping) -> np.ndarray:
 def wander(steps: int, strands: int, time_s: float, rng: np.random.Generator) -> np.ndarray:
     """Draw Ornstein-Uhlenbeck processes of standard deviation 1 and correlation time `time_s`, (steps, strands)."""
     keep = np.exp(-STEP_S / time_s)
-    start = rng.standard_normal((1, strands))
-    pushed = np.sqrt(1 - keep**2) * rng.standard_normal((steps, strands))
-    return lfilter([1], [1, -keep], pushed, axis=0, zi=keep * start)[0]
+    drawn = rng.standard_normal((strands, 1 + steps)).T  # strand by strand, so that fewer are the first ones
+    return lfilter([1], [1, -keep], np.sqrt(1 - keep**2) * drawn[1:], axis=0, zi=keep * drawn[:1])[0]
 
 
 def drifts(steps: int, strands: int, settings: Mapping, rng: np.random.Generator) -> np.ndarray:
     """Draw d of equation 6, (steps, strands)."""
+    if not settings["effects"]["drift"]:
+        return np.zeros((steps, strands))
     drift = settings["drift"]
-    ageing = np.log1p(np.arange(steps) * STEP_S / drift["ageing_time_s"])
-    d = drift["ageing"] * np.outer(ageing, rng.uniform(0.5, 1.5, strands))
-    d += drift["wander"] * wander(steps, 1, drift["wander_time_s"], rng)
-    return d if settings["effects"]["drift"] else np.zeros_like(d)
+    ageing, walking = rng.spawn(2)
+    age = np.log1p(np.arange(steps) * STEP_S / drift["ageing_time_s"])
+    aged = drift["ageing"] * np.outer(age, ageing.uniform(0.5, 1.5, strands))
+    return aged + drift["wander"] * wander(steps, strands, drift["wander_time_s"], walking)
 
 
 def drift_at_samples(task: str, name: str, settings: Mapping, strands: int) -> tuple[np.ndarray, np.ndarray]:

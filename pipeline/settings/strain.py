@@ -81,6 +81,8 @@ class Strand(Block):
     angle_spread_deg: NotNegative = Field(
         description="Standard deviation of a strand's angle around the finger (degrees)"
     )
+    slack_mm: NotNegative = Field(description="b_0, bending before a strand stretches (mm)")
+    onset_mm: Positive = Field(description="w, bending over which the stretch sets in (mm)")
     fast_share: Fraction = Field(description="w_1, share of a change of strain that breaks fast paths")
     fast_time_s: Positive = Field(description="T_1, time in which fast paths form again (s)")
     slow_share: Fraction = Field(description="w_2, share of a change of strain that breaks slow paths")
@@ -92,7 +94,7 @@ class Strand(Block):
 
 
 class Drift(Block):
-    wander: NotNegative = Field(description="Standard deviation of the drift that all strands share, relative")
+    wander: NotNegative = Field(description="Standard deviation of the drift of a strand, relative")
     wander_time_s: Positive = Field(description="Correlation time of that drift (s)")
     ageing: Number = Field(description="Relative change of resistance for each factor e of time")
     ageing_time_s: Positive = Field(description="Time after which ageing begins to slow down (s)")

@@ -28,6 +28,7 @@ STATISTICS = {
         "1",
         "Difference of means over 150 s that are 20 min apart, over that of neighbours (random walk: 2.8).",
     ),
+    "drift_correlation": ("1", "Mean correlation of the means over 150 s of two strands."),
     "time_share": ("1", "Share of the voltage's variance that a cubic polynomial of elapsed time explains."),
     "rest_over_response": ("1", "Standard deviation of the voltage before a press, over the mean size of a response."),
     "rest_correlation": ("1", "Mean size of the correlation of two strands' voltages before a press."),
@@ -140,7 +141,8 @@ def statistics(time_s: np.ndarray, volts: np.ndarray, press: np.ndarray, place: 
 
     time_s (n,); volts (n, strands); press (n,): number of the press, -1 outside presses; place (n, 2) in mm.
     """
-    response, drift, growth = slow_and_fast(time_s, volts)
+    means, fast = slow_and_fast(time_s, volts)
+    response, drift = fast.std(axis=0), means.std(axis=0)
     each = presses(volts, press, place)
     answer = each.late - each.rest
     size = np.abs(answer).mean(axis=0)
@@ -149,10 +151,11 @@ def statistics(time_s: np.ndarray, volts: np.ndarray, press: np.ndarray, place: 
         "response": 1e3 * response,
         "noise": 1e3 * held_noise(volts, press),
         "drift_over_response": drift / response,
-        "drift_growth": growth,
+        "drift_growth": growth(means),
+        "drift_correlation": correlations(means).mean(),
         "time_share": 1 - residual(elapsed(time_s), volts) / volts.var(axis=0),
         "rest_over_response": each.rest.std(axis=0) / size,
-        "rest_correlation": np.abs(np.corrcoef(each.rest.T)[np.triu_indices(volts.shape[1], 1)]).mean(),
+        "rest_correlation": np.abs(correlations(each.rest)).mean(),
         "rest_memory_near": remembered(each.rest, 1),
         "rest_memory_far": remembered(each.rest, FAR),
         "history_share": history_r2(each.rest, answer),
@@ -164,15 +167,23 @@ def statistics(time_s: np.ndarray, volts: np.ndarray, press: np.ndarray, place: 
     return {name: float(np.median(value)) for name, value in values.items()}
 
 
-def slow_and_fast(time_s: np.ndarray, volts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return, by strand, the deviation around the means over BLOCK_S, that of the means, and the means' growth."""
+def slow_and_fast(time_s: np.ndarray, volts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the means (blocks, strands) over BLOCK_S, whole blocks alone, and what (n, strands) deviates from them."""
     block = ((time_s - time_s[0]) // BLOCK_S).astype(int)
     count = np.bincount(block)
     means = np.column_stack([np.bincount(block, column) / count for column in volts.T])
-    fast = (volts - means[block]).std(axis=0)
-    means = means[count > count.max() / 2]
+    return means[count > count.max() / 2], volts - means[block]
+
+
+def growth(means: np.ndarray) -> np.ndarray:
+    """Return, by strand, the difference of means (blocks, strands) that are APART blocks apart over that of neighbours."""
     apart, near = ((means[lag:] - means[:-lag]).std(axis=0) for lag in (APART, 1))
-    return fast, means.std(axis=0), apart / near
+    return apart / near
+
+
+def correlations(columns: np.ndarray) -> np.ndarray:
+    """Return the correlations (pairs,) of all pairs of columns (n, strands)."""
+    return np.corrcoef(columns.T)[np.triu_indices(columns.shape[1], 1)]
 
 
 def held_noise(volts: np.ndarray, press: np.ndarray) -> np.ndarray:

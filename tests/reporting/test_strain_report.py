@@ -41,11 +41,13 @@ def test_how_far_drift_leaves_its_range_is_that_of_the_logs(settings):
     for seed in range(FINGERS):
         recording = scene.recording_of(still, "task_1", f"run{seed:03d}", seed)
         header, *lines = scene.logs_of(recording, still, 6)["truth.csv"][0]
-        drift = np.loadtxt(lines, delimiter=",")[:, 1:].mean(axis=1)
-        trained, tested = drift[:2400], drift[2400:]
-        away = [max(trained.min() - each, each - trained.max(), 0) for each in tested]
-        assert found[seed] == pytest.approx(np.mean(away) / np.ptp(trained), abs=1e-4)
-    assert (found == 0).any() and (found > 0.01).any()
+        away = []
+        for drift in np.loadtxt(lines, delimiter=",")[:, 1:].T:
+            trained, tested = drift[:2400], drift[2400:]
+            distance = [max(trained.min() - each, each - trained.max(), 0) for each in tested]
+            away.append(np.mean(distance) / np.ptp(trained))
+        assert found[seed] == pytest.approx(np.mean(away), abs=1e-4)
+    assert found.min() < 0.05 < found.max()
 
 
 def test_rank_correlations_are_those_of_the_runs_that_did_not_fail(settings):

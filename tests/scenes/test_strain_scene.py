@@ -61,6 +61,13 @@ def test_a_surface_has_the_spread_and_the_correlation_length_asked_for():
     assert np.hypot(*strain.surface_of(0, (140, 80), finger).along) == pytest.approx(0.3)
 
 
+def test_a_strand_answers_to_what_bends_it_beyond_its_slack():
+    bending = np.array([-20.0, 0, 1, 5, 9])
+    assert strain.stretched(bending, {"slack_mm": 2.0, "onset_mm": 0.01}) == pytest.approx([0, 0, 0, 3, 7], abs=1e-6)
+    soft = strain.stretched(bending, {"slack_mm": 2.0, "onset_mm": 1.0})
+    assert soft[1] == 0 and (np.diff(soft) > 0).all() and soft[-1] == pytest.approx(7, abs=0.15)
+
+
 def test_paths_break_with_every_change_of_strain_and_form_again(scene):
     strand = scene["strand"] | {"break_spread": 0.0, "fast_time_s": 3.0, "slow_time_s": 60.0}
     step = np.concatenate([np.zeros((200, 1)), np.ones((20000, 1))])
@@ -128,6 +135,11 @@ def test_fewer_strands_are_the_first_ones_of_the_finger(scene, strands):
     recording = strain.recordings(scene)[0]
     whole, fewer = (strain.strains(recording, scene, n) for n in (8, strands))
     assert np.array_equal(fewer, whole[:, :strands])
+    whole, fewer = (strain.responses(strain.strains(recording, scene, n), recording, scene) for n in (8, strands))
+    assert np.array_equal(fewer, whole[:, :strands])
+    whole, fewer = (strain.drifts(2000, n, scene, np.random.default_rng(1)) for n in (8, strands))
+    assert np.array_equal(fewer, whole[:, :strands])
+    assert np.linalg.matrix_rank(fewer) == strands  # each has a drift of its own
     assert len(set(strain.angles_deg(strands) % 360)) == strands
     lines, _ = strain.logs_of(recording, scene, strands)["truth.csv"]
     assert lines[0].count("drift") == strands

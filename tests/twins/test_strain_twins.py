@@ -48,11 +48,14 @@ def test_slow_and_fast_are_told_apart():
     time = np.arange(blocks * per_block) * twins.BLOCK_S / per_block
     slow = rng.normal(0, 0.5, blocks)
     volts = (np.repeat(slow, per_block) + rng.normal(0, 1, len(time)))[:, None]
-    fast, drift, growth = twins.slow_and_fast(time, volts)
-    assert fast == pytest.approx(1, rel=0.02) and drift == pytest.approx(slow.std(), rel=0.02)
-    assert growth == pytest.approx(1, rel=0.1)  # no longer correlated over 20 min than over 150 s
-    walk = np.repeat(np.cumsum(rng.normal(size=blocks)), per_block)[:, None]
-    assert twins.slow_and_fast(time, walk)[2] == pytest.approx(np.sqrt(twins.APART), rel=0.15)
+    means, fast = twins.slow_and_fast(time, volts)
+    assert fast.std() == pytest.approx(1, rel=0.02) and means.std() == pytest.approx(slow.std(), rel=0.02)
+    walks = np.repeat(np.cumsum(rng.normal(size=(blocks, 2)), axis=0), per_block, axis=0)
+    for column, growth in ((volts, 1.0), (walks, np.sqrt(twins.APART))):  # of steps alone, and of a random walk
+        assert twins.growth(twins.slow_and_fast(time, column)[0]) == pytest.approx(growth, rel=0.2)
+    together = twins.slow_and_fast(time, volts + 0.1 * rng.normal(size=(len(time), 3)))[0]
+    assert twins.correlations(together) == pytest.approx([1, 1, 1], abs=0.01)
+    assert twins.correlations(rng.normal(size=(400, 2))) == pytest.approx([0], abs=0.15)
 
 
 def test_memory_of_the_rest_and_what_its_history_predicts():

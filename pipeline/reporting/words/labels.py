@@ -131,6 +131,7 @@ STATISTICS = {  # of recordings and scenes; others are words already
     "in_column": "two contacts in a column",
     "drift_over_response": "drift over response",
     "drift_growth": "growth of the drift in 20 min",
+    "drift_correlation": "correlation of drifts between strands",
     "time_share": "variance explained by time",
     "rest_over_response": "spread of the rest over response",
     "rest_correlation": "correlation of rests between strands",
