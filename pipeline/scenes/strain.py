@@ -28,10 +28,9 @@ the surface (z = 0: it just touches), p the place of the finger's tip on the sur
 
    Only the lean and G depend on the absolute place. Both are small: the lean has 1.4 mm at the edge, drag 7 to 12 mm.
 3. Strand i at the angle phi_i around the finger, with its own length and so its own gain g_i. It lies in the finger
-   with some slack b_0, and stretches by what bends it further, with a smooth onset of w:
+   with some slack b_0, and stretches by what bends it further; bent the other way it only becomes slacker:
 
-       e_i = s g_i (T(b_i) - T(0)),          relative change of resistance,
-       b_i = B_x cos phi_i + B_y sin phi_i - c D,     T(b) = w ln(1 + exp((b - b_0) / w)).
+       e_i = s g_i max(B_x cos phi_i + B_y sin phi_i - c D - b_0, 0),          relative change of resistance.
 
 4. Relaxation. Whatever deforms a strand breaks conductive paths, which form again with two times T: resistance jumps
    up at every change of strain and falls back while nothing moves (conductive paths in carbon-filled elastomers:
@@ -54,10 +53,10 @@ the surface (z = 0: it just touches), p the place of the finger's tip on the sur
 3, 4, 6 and the noise are fitted to strain-sensor recordings of one of the paper's authors (reports/twins; 30 and 31
 July 2019). What drifts there is the voltage at rest, and it drifts because the strands are used: it is correlated by
 0.8 with that before the previous press, by 0.2 with that 20 presses earlier and not at all after 200; its strand's own
-earlier responses explain 0.6 of its variance, and between presses it only falls back. Without slack they explain
-nothing, since a strand then answers to every press alike. Means over 150 s of two strands are hardly correlated, so that
-no drift is shared. A random walk, which grows for hours, is not in the recordings, and noise that wanders within seconds
-would exceed the 2 mV between two readings.
+earlier responses explain 0.6 of its variance, and between presses it only falls back. That takes strands that answer to
+a part of the presses: of those that answer to compression as to stretch they explain 0.1, without slack 0.55. Means over
+150 s of two strands are hardly correlated, so that no drift is shared. A random walk, which grows for hours, is not in
+the recordings, and noise that wanders within seconds would exceed the 2 mV between two readings.
 `motion.press_fastest_mm_s` is then set by strain.yardstick: the paper does not give the arm's speed, and the faster the
 arm, the more paths break. All other numbers are plain engineering numbers.
 Differs from paper: the fingers, their surface and all their numbers are simulated; the paper gives none of them.
@@ -221,13 +220,8 @@ def strains(recording: Recording, settings: Mapping, strands: int) -> np.ndarray
     shift = generator(recording.specimen, "angle").normal(0, strand["angle_spread_deg"], strands)
     angle = np.radians(angles_deg(strands) + shift)
     bending = np.outer(bent_x, np.cos(angle)) + np.outer(bent_y, np.sin(angle))
-    return strand["sensitivity_per_mm"] * gain * stretched(bending - finger["compression"] * depth[:, None], strand)
-
-
-def stretched(bending_mm: np.ndarray, strand: Mapping) -> np.ndarray:
-    """Return T(b) - T(0) of equation 3 in mm, for bendings of any shape: 0 at rest, hardly less on the other side."""
-    slack, onset = strand["slack_mm"], strand["onset_mm"]
-    return onset * (np.logaddexp(0, (bending_mm - slack) / onset) - np.logaddexp(0, -slack / onset))
+    stretch = np.maximum(bending - finger["compression"] * depth[:, None] - strand["slack_mm"], 0)
+    return strand["sensitivity_per_mm"] * gain * stretch
 
 
 def relaxed(strain: np.ndarray, strand: Mapping, rng: np.random.Generator) -> np.ndarray:

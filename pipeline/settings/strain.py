@@ -82,7 +82,6 @@ class Strand(Block):
         description="Standard deviation of a strand's angle around the finger (degrees)"
     )
     slack_mm: NotNegative = Field(description="b_0, bending before a strand stretches (mm)")
-    onset_mm: Positive = Field(description="w, bending over which the stretch sets in (mm)")
     fast_share: Fraction = Field(description="w_1, share of a change of strain that breaks fast paths")
     fast_time_s: Positive = Field(description="T_1, time in which fast paths form again (s)")
     slow_share: Fraction = Field(description="w_2, share of a change of strain that breaks slow paths")

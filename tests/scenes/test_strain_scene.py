@@ -61,11 +61,17 @@ def test_a_surface_has_the_spread_and_the_correlation_length_asked_for():
     assert np.hypot(*strain.surface_of(0, (140, 80), finger).along) == pytest.approx(0.3)
 
 
-def test_a_strand_answers_to_what_bends_it_beyond_its_slack():
-    bending = np.array([-20.0, 0, 1, 5, 9])
-    assert strain.stretched(bending, {"slack_mm": 2.0, "onset_mm": 0.01}) == pytest.approx([0, 0, 0, 3, 7], abs=1e-6)
-    soft = strain.stretched(bending, {"slack_mm": 2.0, "onset_mm": 1.0})
-    assert soft[1] == 0 and (np.diff(soft) > 0).all() and soft[-1] == pytest.approx(7, abs=0.15)
+def test_a_strand_answers_to_what_bends_it_beyond_its_slack(scene):
+    """Dragged along x at a fixed depth, a finger bends by 5 mm less 1.5 mm of compression, and by 12 mm of drag."""
+    scene["effects"]["friction_spread"] = False
+    scene["finger"] |= FINGER | {"press_bending": 1.0, "compression": 0.3, "lean": 0.0}
+    scene["strand"] |= {"gain_spread": 0.0, "angle_spread_deg": 0.0, "slack_mm": 1.2}
+    turn = np.cos(np.radians(strain.angles_deg(STRANDS)))
+    for way in (1, -1):
+        path = place(way * np.arange(0, 12, 0.1))
+        found = strain.strains(strain.Recording("task_2", "run000", 0, path), scene, STRANDS)[-1]
+        wanted = scene["strand"]["sensitivity_per_mm"] * np.maximum((5 + way * 11.9) * turn - 1.5 - 1.2, 0)
+        assert found == pytest.approx(wanted) and (found == 0).any() and (found > 0).any()
 
 
 def test_paths_break_with_every_change_of_strain_and_form_again(scene):
