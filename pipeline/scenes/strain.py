@@ -54,8 +54,8 @@ the surface (z = 0: it just touches), p the place of the finger's tip on the sur
 July 2019). What drifts there is the voltage at rest, and it drifts because the strands are used: it is correlated by
 0.8 with that before the previous press, by 0.2 with that 20 presses earlier and not at all after 200; its strand's own
 earlier responses explain 0.6 of its variance, and between presses it only falls back. That takes strands that answer to
-a part of the presses: of those that answer to compression as to stretch they explain 0.1, without slack 0.55. Means over
-150 s of two strands are hardly correlated, so that no drift is shared. A random walk, which grows for hours, is not in
+some of the presses: for those that answer to compression as to stretch it is 0.1, without slack 0.55. Means over 150 s
+of two strands are hardly correlated, so that no drift is shared. A random walk, which grows for hours, is not in
 the recordings, and noise that wanders within seconds would exceed the 2 mV between two readings.
 `motion.press_fastest_mm_s` is then set by strain.yardstick: the paper does not give the arm's speed, and the faster the
 arm, the more paths break. All other numbers are plain engineering numbers.

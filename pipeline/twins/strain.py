@@ -176,7 +176,7 @@ def slow_and_fast(time_s: np.ndarray, volts: np.ndarray) -> tuple[np.ndarray, np
 
 
 def growth(means: np.ndarray) -> np.ndarray:
-    """Return, by strand, the difference of means (blocks, strands) that are APART blocks apart over that of neighbours."""
+    """Return, by strand, the difference of means (blocks, strands) APART blocks apart over that of neighbours."""
     apart, near = ((means[lag:] - means[:-lag]).std(axis=0) for lag in (APART, 1))
     return apart / near
 
