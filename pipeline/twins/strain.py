@@ -44,14 +44,17 @@ STATISTICS = {
     "effective_rank": ("1", "Effective number of independent strands among six, of their responses to a press."),
 }
 NOTES = {
-    "rest_memory_far": "Left as it is: a slower or larger memory would make the drift over 150 s larger than recorded.",
-    "history_share": (
-        "Left as it is: a recorded strand answers strongly to presses near it and hardly to others, one of the finger "
-        "to all, so that its own earlier responses vary less; how many paths break by chance makes up the rest."
+    "rest_over_response": (
+        "Left as it is: more broken paths would raise it, and with it the change while a press is held, which is too "
+        "large as it is."
     ),
     "hold_change": (
-        "Left as it is: recorded responses fall back a little while a press is held, beside the paths that form again; "
-        "the scene has only the latter."
+        "Left as it is: what falls back during a hold is what drifts between presses, and with fewer broken paths the "
+        "voltage before a press would vary still less."
+    ),
+    "effective_rank": (
+        "Left as it is: strands that answer to stretch alone hardly overlap in the finger; with less slack they would "
+        "tell the place of a press better than recorded ones."
     ),
 }
 

@@ -52,6 +52,9 @@ CONDITIONS = {  # condition -> what is tested; others are words already
     "pressure": "pressure",
     "strain": "bending",
     "combined": "pressure and bending",
+    "xy": "place",
+    "z": "depth",
+    "xyz": "place and depth",
 }
 FOLDS = {"fold": "fitted to one contact", "two_too": "fitted to two contacts, too"}  # folds, without their number
 PERTURBATIONS = {  # stress test -> its name, and what it does

@@ -1,4 +1,4 @@
-"""Draw sheets: loading curve, rest over time and a typical press, one row for each sensor."""
+"""Draw sheets: loading curve, rest over time and a press of usual size, one row for each sensor."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,11 +8,15 @@ import numpy as np
 
 from pipeline.base.errors import InputError
 from pipeline.reporting.figures import style
-from pipeline.sheet.cycles import LEVELS
+from pipeline.sheet.cycles import FEWEST_ON_THE_WAY, LEVELS
 from pipeline.sheet.quantities import PERCENT, Known, Sheet, full_scale_output, mean
 
-PANELS = ("Loading curve", "Rest before a press", "A typical press")
+PANELS = ("Loading curve", "Rest before a press", "A short press of usual size")
 BESIDE_S = 1.0  # drawn before and after a press
+MANY = 200  # presses of a recording, from which on each is a dot, and their median a line
+MEDIANS = 40  # along such a recording
+DRAWN = (1, 99)  # percentiles of the rests that a panel reaches
+MARGIN = 0.2  # beyond them, as a share of what lies between
 
 
 def draw(path: Path, sheets: Sequence[Sheet]) -> None:
@@ -29,10 +33,10 @@ def draw(path: Path, sheets: Sequence[Sheet]) -> None:
     style.save(figure, path)
 
 
-def untold(ax: plt.Axes) -> None:
-    """Say in a panel that the logs cannot tell what it would show."""
+def untold(ax: plt.Axes, reason: str) -> None:
+    """Say in a panel why the logs cannot tell what it would show."""
     ax.set_axis_off()
-    ax.text(0.5, 0.5, "cannot tell", ha="center", va="center", color=style.GREY, transform=ax.transAxes)
+    ax.text(0.5, 0.5, reason, ha="center", va="center", color=style.GREY, transform=ax.transAxes)
 
 
 def loading(ax: plt.Axes, given: Known) -> None:
@@ -47,7 +51,8 @@ def loading(ax: plt.Axes, given: Known) -> None:
             middle = np.nanmedian(share[:, np.isfinite(share).any(axis=0)], axis=1)
             drawn[name] = ax.plot([0, *PERCENT * LEVELS, 100], [0, *middle, 100], dashes, color=colour, label=name)
     if not drawn:
-        untold(ax)
+        fewest = f"a press has fewer than {FEWEST_ON_THE_WAY} readings\nbetween 10 and 90 % of its stimulus"
+        untold(ax, f"No loading curve, because\n{fewest}")
         return
     ax.plot([0, 100], [0, 100], ":", color=style.GREY, linewidth=1)
     ax.set(xlabel="Stimulus (% of a press)", ylabel="Reading (% of its change)")
@@ -55,22 +60,42 @@ def loading(ax: plt.Axes, given: Known) -> None:
 
 
 def rests(ax: plt.Axes, given: Known) -> None:
-    """Draw the median over elements of the rest before each press, less a recording's median, in % FS over minutes."""
-    cycles, output = given.cycles, full_scale_output(given)
+    """Draw the median over elements of the rest before each press, less a recording's median, in % FS over minutes.
+
+    The axis leaves out the farthest of many rests and says how many these are.
+    """
+    cycles, output, every = given.cycles, full_scale_output(given), []
     for log in np.unique(cycles.log):
         rows = cycles.log == log
         change = PERCENT * (cycles.rest[rows] - np.median(cycles.rest[rows], axis=0)) * given.sign / output
         change = np.nanmedian(change[:, np.isfinite(output)], axis=1)
         minutes = (cycles.time_s[rows] - given.sensor.logs[log].time_s[0]) / 60
-        ax.plot(minutes, change, color=style.BLUE, linewidth=0.6, alpha=0.7)
+        every.append(change)
+        if len(change) < MANY:
+            ax.plot(minutes, change, color=style.BLUE, linewidth=0.6, alpha=0.7)
+            continue
+        ax.plot(minutes, change, ".", color=style.SKY, markersize=1.5, alpha=0.5)
+        parts = zip(np.array_split(minutes, MEDIANS), np.array_split(change, MEDIANS), strict=True)
+        ax.plot(*np.transpose([(np.median(at), np.median(part)) for at, part in parts]), color=style.BLUE)
+    every = np.concatenate(every)
+    low, high = np.percentile(every, DRAWN)
+    beyond = (every < low - MARGIN * (high - low)) | (every > high + MARGIN * (high - low))
+    if len(every) >= MANY and beyond.any():
+        ax.set_ylim(low - MARGIN * (high - low), high + MARGIN * (high - low))
+        ax.set_title(f"{ax.get_title()}\n({beyond.sum()} of {len(every)} up to {np.abs(every).max():.0f} %, not drawn)")
     ax.set(xlabel="Time since the start of a recording (min)", ylabel="Change of the rest (% FS)")
 
 
 def typical_press(ax: plt.Axes, given: Known) -> None:
-    """Draw the press of median response: stimulus and the element that answers most, in % of the press, over s."""
+    """Draw a press of usual size: stimulus and the element that answers most, in % of the press, over s.
+
+    Of the half of the presses whose responses are nearest to their median it is the shortest: a slow one goes up and
+    down on its way.
+    """
     cycles = given.cycles
     size = np.nanmax(np.nan_to_num(cycles.response), axis=1)
-    chosen = int(np.argsort(size)[len(size) // 2])
+    usual = np.argsort(np.abs(size - np.median(size)))[: (len(size) + 1) // 2]
+    chosen = int(usual[np.argmin((cycles.end_s - cycles.time_s)[usual])])
     log, element = given.sensor.logs[cycles.log[chosen]], int(np.nanargmax(np.nan_to_num(cycles.response[chosen])))
     first_s, last_s = cycles.time_s[chosen] - BESIDE_S, cycles.end_s[chosen] + BESIDE_S
     shown = (log.time_s > first_s) & (log.time_s < last_s)
