@@ -38,8 +38,13 @@ def git_state(workspace: Workspace, of: Sequence[str] = (".", ":!dvc.lock", ":!r
 def code() -> tuple[str, str]:
     """Return the commit of this code and whether it was changed, as `git_state`; of an installed wheel its version."""
     if paths.BROUGHT == paths.INSTALLED:
-        return f"version {metadata.version(paths.PACKAGE)}", "false"
+        return f"version {version()}", "false"
     return git_state(Workspace(paths.CODE.parent))
+
+
+def version() -> str:
+    """Return the version of this project that is installed."""
+    return metadata.version(paths.PACKAGE)
 
 
 def check_settings(workspace: Workspace, experiments: Iterable[str], params: dict) -> None:

@@ -104,13 +104,11 @@ def _words(module: str) -> str:
 
 def version() -> str:
     """Return the version of the package and, of a checkout, its commit."""
-    from importlib import metadata  # here: it takes longer than all else of the help
-
-    from pipeline.base import paths, provenance
+    from pipeline.base import paths, provenance  # here: it takes longer than all else of the help
 
     commit, changed = provenance.code()
     of_checkout = f", commit {commit}{' with changes' if changed == 'true' else ''}"
-    return f"tactile {metadata.version(paths.PACKAGE)}{'' if paths.BROUGHT == paths.INSTALLED else of_checkout}"
+    return f"tactile {provenance.version()}{'' if paths.BROUGHT == paths.INSTALLED else of_checkout}"
 
 
 def main() -> None:

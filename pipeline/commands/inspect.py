@@ -104,8 +104,9 @@ def _file(path: Path) -> dict[str, Any]:
 def _said(card: Any) -> dict[str, Any]:
     """Return what a card says in few words, of either kind."""
     known = card.model_dump(mode="json")
-    keys = ("experiment", "kind", "model", "protocol", "seed", "commit", "source", "sensor", "target", "classes")
-    said = {key: known[key] for key in (*keys, "window_s", "elements", "inputs", "outputs", "shapes") if key in known}
+    keys = ("experiment", "kind", "model", "protocol", "seed", "commit", "version", "source", "sensor", "target")
+    keys += ("classes", "window_s", "elements", "inputs", "outputs", "shapes")
+    said = {key: known[key] for key in keys if key in known}
     if "target" in known:
         said["interval"] = known["bound"] is not None
     else:
@@ -116,6 +117,11 @@ def _said(card: Any) -> dict[str, Any]:
         for each in known["trained_on"] or []
     ]
     return said | {"logs": None if known["logs"] is None else len(known["logs"])}
+
+
+def _made_by(card: dict[str, Any]) -> str:
+    """Return the commit that a model was made at, and the version of the project there."""
+    return f"commit {card['commit']}" + (f", version {card['version']}" if card["version"] else "")
 
 
 def _of_estimator(path: Path) -> dict[str, int]:
@@ -183,7 +189,7 @@ def lines(found: Mapping) -> Iterator[str]:
         yield f"read by nothing: {', '.join(map(_plain, found['read_by_nothing']))}"
     if card:
         what = card["target"]["name"] if "target" in card else f"{card['protocol']}, seed {card['seed']}"
-        yield f"model: {card['experiment']}/{card['model']}, {what}, of commit {card['commit']}"
+        yield f"model: {card['experiment']}/{card['model']}, {what}, of {_made_by(card)}"
         yield from _taken_and_given(card)
         for each in card["trained_on"]:
             span = f"{each['least']:.4g} to {each['most']:.4g}"

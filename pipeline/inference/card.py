@@ -123,6 +123,7 @@ class Card(Part):
     protocol: Words
     seed: Count
     commit: Words
+    version: Words | None = None  # of this project; None: the card was written before 0.2.0
     settings: dict  # the model's block of settings
     reading: dict[str, dict]  # consistent.READING: those that the experiment has
     shapes: Shapes

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import experiments, tasks
-from pipeline.base import files, paths, ranges
+from pipeline.base import files, paths, provenance, ranges
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, images, schemas
 from pipeline.inference import card as cards
@@ -90,6 +90,7 @@ class Describer:
             protocol=protocol,
             seed=seed,
             commit=commit,
+            version=provenance.version(),
             settings=fit["settings"],
             reading={name: settings[name] for name in consistent.READING if name in settings},
             shapes=cards.Shapes(**spec._asdict()),

@@ -295,7 +295,7 @@ def _write(
     from mlflow.entities import Metric, Param  # here, because mlflow_store says first how MLflow starts
 
     commit, changed = provenance.git_state(workspace)
-    here = {"git_commit": commit, "git_changed": changed}
+    here = {"git_commit": commit, "git_changed": changed, "version": provenance.version()}
     if "DVC_EXP_NAME" in os.environ:
         here["dvc_experiment"] = os.environ["DVC_EXP_NAME"]
     name, written = labels.experiment_name(experiment), {}

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.base import cards, correlation, files, foreign, ranges
+from pipeline.base import cards, correlation, files, foreign, provenance, ranges
 from pipeline.base.cards import Words
 from pipeline.base.correlation import Correlation
 from pipeline.base.errors import InputError
@@ -69,6 +69,7 @@ class Card(BaseModel):
     groups: list[Words]  # that it was fitted to
     scores: dict[Words, float]  # metric -> mean over tests of groups apart, chosen on the other groups
     commit: Words
+    version: Words | None = None  # of this project; None: the card was written before 0.2.0
     files: cards.Files  # of the package, by name: the estimator's, and the card itself
     interval_s: Annotated[float, Field(gt=0)] | None = (
         None  # from one reading of the training to the next; None: not known
@@ -105,6 +106,7 @@ def write(folder: Path, final: Final, windows: Windows, scores: Mapping[str, flo
     estimators.write(folder, final.estimator)
     told = final.bound > 0 if windows.classes else np.isfinite(final.bound)
     card = Card(
+        version=provenance.version(),
         elements=windows.x.shape[2],
         model=final.row.name,
         level=final.row.level,

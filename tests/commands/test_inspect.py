@@ -37,7 +37,8 @@ def test_a_whole_package_is_told(name, capsys):
     folder = ROOT / "pretrained" / name
     lines, error = said(folder, capsys)
     card = json.loads((folder / cards.NAME).read_text())
-    assert not error and f"model: {name}, {card['protocol']}, seed 0, of commit {card['commit']}" in lines
+    made = f"commit {card['commit']}" + (f", version {card['version']}" if "version" in card else "")
+    assert not error and f"model: {name}, {card['protocol']}, seed 0, of {made}" in lines
     for file in {*cards.WEIGHTS, cards.NAME, cards.ONNX} & {path.name for path in folder.iterdir()}:
         data = (folder / file).read_bytes()
         digest = hashlib.sha256(data).hexdigest()[:16]

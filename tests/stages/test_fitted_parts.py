@@ -16,7 +16,7 @@ import pytest
 from builders import made_reports
 
 from pipeline import experiments, models, tasks
-from pipeline.base import params
+from pipeline.base import params, provenance
 from pipeline.base.paths import MODEL_ZERO, Workspace
 from pipeline.datasets import schemas, series
 from pipeline.experiments.glove_recorded import CELLS, JOINTS
@@ -97,6 +97,7 @@ def fitted(workspace: Workspace, values: Mapping, experiment: str, names: list[s
     describer = Describer(workspace, values, experiment)
     for name in names:
         card = describer.card(name, protocol, seed, "")
+        assert card.version == provenance.version()
         found[f"{name}: ranges"] = card.trained_on
         found[f"{name}: correlation"] = channels.trained(workspace, values[experiment], card)
         calibrated = calibration.calibrated(workspace, values, card, refit=True).calibration

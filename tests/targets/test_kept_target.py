@@ -7,7 +7,7 @@ from builders.project import ROOT
 from sklearn.dummy import DummyRegressor
 
 from pipeline import experiments
-from pipeline.base import params
+from pipeline.base import params, provenance
 from pipeline.commands import targets
 from pipeline.settings.targets import Target
 from pipeline.targets import kept, models
@@ -72,6 +72,7 @@ def test_the_interval_of_a_kept_model_is_that_of_people_who_did_not_train(two_ro
     half = errors[int(np.ceil(0.9 * (units + 1) * HELD)) - 1]
     card = model.card
     assert (card.model, card.units, card.groups) == ("constant", units, list(PEOPLE))
+    assert card.version == provenance.version()
     assert card.bound == pytest.approx(half) and half > 5
     said = kept.predict(model, log(np.random.default_rng(9).uniform(0.1, 0.9, (30, 2))))
     np.testing.assert_allclose(said.guess[:, 0], np.mean(np.concatenate([*truth.values()])))
