@@ -16,6 +16,7 @@ from markupsafe import Markup
 from pipeline.base import files, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.base.provenance import version as installed
 from pipeline.claims import entries, stability
 from pipeline.claims.rules import BAND
 from pipeline.experiments import facts
@@ -199,13 +200,14 @@ def _at(table: pd.DataFrame, protocol: str, condition: str) -> pd.Series:
 
 
 def versions(workspace: Workspace) -> Table:
-    """Return the versions that constraints.txt pins. Raises InputError where one of PACKAGES is not pinned."""
+    """Return this project's version and those that constraints.txt pins; InputError where one of PACKAGES is not."""
     file = paths.require(workspace.root / "constraints.txt", "git checkout constraints.txt")
     pinned = dict(line.split("==", 1) for line in file.read_text(encoding="utf-8").splitlines() if "==" in line)
     for package in PACKAGES:
         if package not in pinned:
             raise InputError(f"constraints.txt: no version of {package}; add a line '{package}==...'")
-    return Table(["Package", "Version"], [[package, pinned[package]] for package in PACKAGES])
+    rows = [["this project", installed()], *([package, pinned[package]] for package in PACKAGES)]
+    return Table(["Package", "Version"], rows)
 
 
 def provenance(workspace: Workspace, data: Mapping[str, str]) -> Markup:
