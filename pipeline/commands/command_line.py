@@ -31,6 +31,7 @@ GROUPS = {  # heading of the help -> command -> its module
     "Your own sensor": {
         "import": "import_logs",
         "record": "record",
+        "weigh": "weigh",
         "check": "check",
         "sheet": "sheet",
         "try": "quick_look",

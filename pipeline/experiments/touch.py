@@ -586,6 +586,12 @@ def _matrix(rows: pa.Table, columns: list[str]) -> np.ndarray:
     return np.column_stack([rows[name].to_numpy() for name in columns])
 
 
+def _tared(path: Path, at_rest: float, settings: Mapping) -> str:
+    """Return what to write into the settings of a load cell that rests at a force, in N, by those settings."""
+    offset = settings["ingest"].get("format", {}).get(path.name, {}).get("offset", 0.0) - at_rest
+    return f"write `offset: {offset:.4g}` for {path.name} into touch.ingest.format of settings.yaml"
+
+
 def log_problems(path: Path, rows: pa.Table, settings: Mapping) -> Iterator[str]:
     """Yield problems of a log that can be read: wrong units and signs of force and depth."""
     if "fz_n" in rows.column_names:
@@ -598,12 +604,12 @@ def log_problems(path: Path, rows: pa.Table, settings: Mapping) -> Iterator[str]
         elif at_rest <= threshold and abs(at_rest) > min(threshold, tared):
             yield (
                 f"{path}: fz_n rests at {at_rest:.2g} N, not at 0, so that every force is {abs(at_rest):.2g} N too "
-                f"{'high' if at_rest > 0 else 'low'}; subtract what the load cell shows at rest"
+                f"{'high' if at_rest > 0 else 'low'}; {_tared(path, at_rest, settings)}"
             )
         elif at_rest > threshold:
             yield (
                 f"{path}: fz_n rests at {at_rest:.2g} N, above touch.window.contact_threshold_n ({threshold:g} N), so "
-                "that presses never end; subtract what the load cell shows at rest"
+                f"that presses never end; {_tared(path, at_rest, settings)}"
             )
     if path.name == "cnc.log" and not (rows["z_mm"].to_numpy() < 0).any():
         yield f"{path}: z_mm is never below 0; z is 0 at the sensor's surface and negative when pressed"

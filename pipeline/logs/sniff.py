@@ -796,7 +796,7 @@ def _scale(
     if columns[0].unit == "N" and _converter(readings):
         raise InputError(
             f"{readings[0, 0]:.0f} is a count of the load cell's converter, not a force: set scale and offset of the "
-            "load cell in `format` (force in N = count * scale + offset), from two known weights"
+            "load cell in `format` (force in N = count * scale + offset); `tactile weigh LOG 0 1kg` finds them"
         )
     return {}
 

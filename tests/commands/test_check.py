@@ -126,8 +126,13 @@ def test_a_load_cell_that_is_not_tared_is_named_on_both_sides_of_zero(
         whole = re.compile(r"(\d+),(-?\d+\.\d{3})")
         return [f"{m[1]},{float(m[2]) + shift:.3f}" if (m := whole.fullmatch(line)) else line for line in lines]
 
-    first, _ = checked(workspace, "touch", edited(touch_logs, tmp_path / "logs", load_cell=shifted), capsys)
-    assert re.search(rf"load_cell.log: fz_n rests at .*{said}; subtract what the load cell shows at rest", first)
+    logs = edited(touch_logs, tmp_path / "logs", load_cell=shifted)
+    first, _ = checked(workspace, "touch", logs, capsys)
+    wanted = r"write `offset: (\S+)` for load_cell.log into touch.ingest.format of settings.yaml"
+    offset = float(re.search(rf"load_cell.log: fz_n rests at .*{said}; {wanted}", first)[1])
+    assert offset == pytest.approx(-shift, abs=0.1)
+    pasted(logs, {"touch.ingest.format": {"load_cell.log": {"offset": offset}}})
+    assert checked(workspace, "touch", logs, capsys)[0] is None
 
 
 @pytest.mark.parametrize(("volt", "rest"), [(3.3, 0.0), (1.0, 0.02)])
