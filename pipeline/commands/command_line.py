@@ -32,6 +32,7 @@ GROUPS = {  # heading of the help -> command -> its module
         "import": "import_logs",
         "record": "record",
         "weigh": "weigh",
+        "map": "map_elements",
         "check": "check",
         "sheet": "sheet",
         "try": "quick_look",

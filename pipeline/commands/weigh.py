@@ -1,10 +1,9 @@
 """Find the scale and the offset of a load cell from a log of known weights that lay on it one after another.
 
-LOG is what the load cell printed, as `tactile record PORT LOG` writes it; WEIGHT are the weights in the order in which they lay
-there, 0 where none did, each for a few seconds. Steady stretches of the log are matched with them, and the line of
-least squares gives scale and offset, with 95 % intervals from three weights on: force in N = scale * reading + offset.
-Masses become forces by standard gravity (9.80665 m/s2). Nothing is written but, on the terminal, the lines for
-settings.yaml.
+LOG is what the load cell printed, as `tactile record PORT LOG` writes it; WEIGHT are the weights in the order in which
+they lay there, 0 where none did, each for a few seconds. Steady stretches of the log are matched with them, and the
+line of least squares gives scale and offset, with 95 % intervals from three weights on: force in N = scale * reading +
+offset. Masses become forces by standard gravity (9.80665 m/s2). The lines for settings.yaml are printed.
 
 Examples:
 
@@ -20,13 +19,10 @@ import numpy as np
 from pipeline.base import arguments, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.experiments import touch
-from pipeline.logs.formats import Column, Format
-from pipeline.logs.sniff import Proposal
 from pipeline.own import logs as own_logs
 from pipeline.own import weights
 
-READING = Column("reading", "any", -1e15, 1e15)
+READING = "reading"  # the column of a load cell, in any unit
 DIGITS = 7  # of scale and offset: a converter has up to 24 bits
 
 
@@ -44,8 +40,8 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     if len(forces) < 2:
         raise InputError("one weight tells no scale; give two or more, such as 0 and 1kg")
     settings = params.load(workspace.params)["touch"]
-    log, proposal = read(given.log, settings)
-    time, reading = log.rows["time_s"].to_numpy(), log.rows["reading"].to_numpy()
+    log, proposal = own_logs.read_in_any_unit("touch", given.log, [READING], settings)
+    time, reading = log.rows["time_s"].to_numpy(), log.rows[READING].to_numpy()
     found, unit = weights.held(time, reading), "lines" if "rate_hz" in proposal.layout else "s"
     if len(found) != len(forces):
         spans = "; ".join(f"{_span(one, time[0])} {unit} at {one.reading:.7g}" for one in found) or "none"
@@ -68,17 +64,6 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     print("\nfor settings.yaml of your sensor:", *block, sep="\n")
     result = {name: getattr(line, name) for name in ("scale", "scale_half", "offset", "offset_half")}
     arguments.answer(given, result | {"off_n": line.off_n.tolist(), "forces_n": forces})
-
-
-def read(path: Path, settings: dict) -> tuple[own_logs.Log, Proposal]:
-    """Return a load cell's log with the column `reading` as printed, and how it is laid out; InputError otherwise."""
-    fmt = Format((touch.CLOCK, READING), time=touch.CLOCK.name)
-    found = own_logs.proposed("touch", path, fmt, settings, None)
-    if isinstance(found, str):
-        raise InputError(found)
-    if found is None:
-        found = Proposal(dict(own_logs.PLAIN), [])
-    return own_logs.read_one(path, fmt, own_logs.trial(found)), found
 
 
 def _span(one: weights.Held, start_s: float) -> str:

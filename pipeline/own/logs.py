@@ -14,9 +14,9 @@ from ruamel.yaml import YAML
 from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.datasets import images
-from pipeline.experiments import glove, touch
+from pipeline.experiments import glove, sensor_format, touch
 from pipeline.logs import layout, parse, sniff, units
-from pipeline.logs.formats import DUPLICATE, REPEATED
+from pipeline.logs.formats import DUPLICATE, REPEATED, Column
 from pipeline.logs.report import log_report
 from pipeline.logs.sniff import Proposal
 
@@ -32,6 +32,7 @@ RARE = 0.01  # of the frames, whose extremes are noise; of the lines, whose time
 STEPS = [step * 10.0**power for power in range(-4, 7) for step in (1, 2, 5) if (step, power) != (1, 0)]  # of a scale
 ROUNDED = "that readings may be rounded"
 ORIGIN = "origin.yaml"  # beside logs that were imported: what each was made from
+ANY = 1e15  # largest reading in any unit
 BITS = (1023, 4095, 16383, 65535)  # largest counts of converters
 
 
@@ -53,6 +54,23 @@ def read_one(path: Path, fmt: parse.Format, laid_out: Mapping | None) -> Log:
     if (laid_out or {}).get("missing") == "previous":
         report["filled"] = layout.filled(path, laid_out, fmt)
     return Log(rows.append_column("time_s", pa.array(time)), rejects, report)
+
+
+def read_in_any_unit(
+    experiment: str, path: Path, names: Sequence[str], settings: Mapping, rate_hz: float = 1.0
+) -> tuple[Log, Proposal]:
+    """Return a log with columns of those names in the unit in which they are printed, and how it is laid out.
+
+    rate_hz: of a log without times. Raises InputError where the log cannot be read.
+    """
+    clock = sensor_format(experiment, settings).columns[0]
+    fmt = parse.Format((clock, *(Column(name, "any", -ANY, ANY) for name in names)), time=clock.name)
+    found = proposed(experiment, path, fmt, settings, None)
+    if isinstance(found, str):
+        raise InputError(found)
+    found = found or Proposal(dict(PLAIN), [])
+    without = {"rate_hz": rate_hz} if found.layout.get("rate_hz", 0) is None else {}
+    return read_one(path, fmt, found.layout | without), found
 
 
 def check_rejects(experiment: str, path: Path, log: Log, settings: Mapping) -> None:
