@@ -61,6 +61,7 @@ INCOMPLETE = "incomplete cycle"
 SHARED = {"day_1": [0, 1, 2, 3, 4], "day_2": [1, 2, 3, 4, 5]}
 SPLITS = {
     "within_day": {"day_1": [0, 1, 2, 3, 4, 5]},
+    "within_day_five": {"day_1": SHARED["day_1"]},  # what the next day's error is compared with
     "across_days": SHARED,
     "new_places": SHARED,  # as across_days, trained without the cycles whose places day_2 repeats
     "days_swapped": dict(reversed(SHARED.items())),  # trained on the second day, tested on the first
