@@ -175,7 +175,7 @@ class Strain(Block):
     source: Text = Field(description="`simulated`, or a folder of your own logs: <task>/<recording>/{daq,robot}.log")
     sensor: Sensor = Field(description="The strain sensors")
     yardstick: Yardstick = Field(description="The published ratio that sets the scene's difficulty")
-    yardstick_task_2: Yardstick = Field(description="The published ratio of task 2, which no plausible scene reaches")
+    yardstick_task_2: Yardstick = Field(description="The published ratio of task 2, by which nothing is set")
     simulate: Simulate = Field(description="The scene that writes the raw logs")
     ingest: StrainIngest = Field(description="What is asked of the logs")
     split: StrainSplit = Field(description="How recordings are divided")
