@@ -1,11 +1,10 @@
 """Write reports/strain: Table I of the latent-space paper beside the published numbers, its figures, and studies."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from pipeline.base import files
 from pipeline.base.paths import Workspace
@@ -16,10 +15,8 @@ from pipeline.reporting.figures import answers, common
 from pipeline.reporting.figures import strain as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.words.labels import plain
-from pipeline.scenes.strain import drift_at_samples
 from pipeline.scoring import kept, shards
-from pipeline.scoring.one_table import Results
-from pipeline.scoring.results import LOG, Estimate
+from pipeline.scoring.results import LOG
 from pipeline.scoring.strain_results import STUDIES, read_latents, read_study
 
 FIGURES = {"task_1": "figure5", "task_2": "figure6"}  # of direct training
@@ -55,10 +52,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> 
     tasks = dict.fromkeys(task for one in of_base.values() for task in one.protocols)
     bases = [(task, base) for task in tasks for base in of_base]
     yardsticks = {name: settings[name] for name in ("yardstick", "yardstick_task_2")}
-    errors = errors_beyond(report.results, report.models, settings)
-    if ranks := rank_correlations(errors):
-        figures.beyond_training(accuracy / "drift_beyond.png", errors)
-    report.write(accuracy / "README.md", "strain", bases=bases, absent=absent, ranks=ranks, **yardsticks)
+    report.write(accuracy / "README.md", "strain", bases=bases, absent=absent, **yardsticks)
     report.write(target / "speed" / "table1_times.md", "strain_times", machines=machines(report))
     panels = {plain(task): (task, task) for task in settings["protocols"]}
     experiment.write_speed(report, target, settings, panels, ("error", "Error (mm)"), TRANSFER_COSTS)
@@ -134,39 +128,6 @@ def draw_time(report: Report, path: Path) -> None:
         title = f"Error against time since training ended\n{captions[0].rpartition(', ')[0]}"
         names = ("Time since training ended (min)", "Error (mm) in a tenth of the test part")
         common.curves(path, panels, title, names, LOG, ticks=range(0, 21, 5))
-
-
-def errors_beyond(results: Results, models: Iterable[str], settings: Mapping) -> pd.DataFrame:
-    """Return the error on task 1 (mm) of each finger's models, by how far its drift leaves the range of training.
-
-    One row a finger, by seed: `beyond`, and a column a model. `beyond` is the mean distance of a strand's drift
-    (equation 6 of the scene) in the test part from its range before the test part, as a share of that range, and its
-    mean over strands.
-    """
-    columns = {model: results.runs("strain", "task_1", "task_1", model, "error") for model in models}
-    table, scene = pd.DataFrame(columns).assign(beyond=np.nan), settings["simulate"]
-    for seed in table.index:
-        finger = scene | {"specimen": scene["specimen"] + seed}
-        _, drift = drift_at_samples("task_1", f"run{seed:03d}", finger, settings["sensor"]["channels"])
-        trained, tested = np.split(drift, [round(settings["split"]["train"] * len(drift))])
-        away = np.maximum(np.maximum(trained.min(axis=0) - tested, tested - trained.max(axis=0)), 0)
-        table.loc[seed, "beyond"] = np.mean(away.mean(axis=0) / np.maximum(np.ptp(trained, axis=0), 1e-12))
-    return table
-
-
-def rank_correlations(errors: pd.DataFrame) -> dict[str, Estimate]:
-    """Return model -> rank correlation of its error with `beyond` and its 95 % interval, the highest first.
-
-    errors: of `errors_beyond`. The interval is that of Fieller, Hartley and Pearson (1957).
-    """
-    ranks = {}
-    for model in errors.columns.drop("beyond"):
-        runs = errors[[model, "beyond"]].dropna()
-        found = stats.spearmanr(runs).statistic if len(runs) > 3 and runs.nunique().min() > 1 else np.nan
-        if np.isfinite(found):
-            half = stats.norm.ppf(0.975) * np.sqrt(1.06 / (len(runs) - 3))
-            ranks[model] = Estimate(float(found), *np.tanh(np.arctanh(found) + [-half, half]).tolist(), len(runs), 0)
-    return dict(sorted(ranks.items(), key=lambda rank: -rank[1].mean))
 
 
 def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFrame]) -> None:

@@ -57,26 +57,3 @@ def latent_space(path: Path, latents: pd.DataFrame) -> None:
     figure.legend(loc="outside lower center", ncols=COMPONENTS)
     figure.suptitle(f"Figure 7: the {states.shape[1]} states of model-0 while it sees task 2")
     style.save(figure, path)
-
-
-def beyond_training(path: Path, errors: pd.DataFrame) -> None:
-    """Draw a point per finger and model; errors: `beyond` as a share, and a column in mm for each model.
-
-    Fingers whose drift stays in the range of training are drawn apart, a column of dots a model.
-    """
-    models, stays = errors.columns.drop(["beyond", "constant"], errors="ignore"), errors["beyond"] == 0
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 4.6), sharey=True, width_ratios=[2, 3])
-    for k, model in enumerate(models):
-        label, colour, marker, _ = style.model_style(model)
-        look = {"linestyle": "", "color": colour, "marker": marker, "alpha": 0.7, "markersize": 5}
-        left.plot(np.full(stays.sum(), k), errors[model][stays], **look)
-        right.plot(100 * errors["beyond"][~stays], errors[model][~stays], **look, label=label)
-    left.set(title=f"within the range: {stays.sum()} fingers", ylabel="Test error (mm)", ylim=(0, None), xticks=[])
-    left.set(xlim=(-0.7, len(models) - 0.3), xlabel="Models, in the order of the legend")
-    right.set(
-        title=f"beyond it: {(~stays).sum()} fingers", xlabel="Mean distance from the range (% of it)", xscale="log"
-    )
-    style.plain_log(right.xaxis)
-    figure.legend(loc="outside lower center", ncols=3)
-    figure.suptitle("Task 1: error of each finger, by how far drift in the test part leaves its range before")
-    style.save(figure, path)

@@ -19,7 +19,6 @@ from pipeline.claims import entries, rules
 from pipeline.claims.rules import VERDICTS
 from pipeline.experiments import facts
 from pipeline.reporting import claims as claim_text
-from pipeline.reporting import strain
 from pipeline.reporting.figures.ratios import Point
 from pipeline.reporting.page import origins
 from pipeline.reporting.tables import Table
@@ -47,7 +46,6 @@ TOOLS = (
     "failures",
     "side",
     "paired",
-    "drifting",
 )  # of _Scores, for the findings
 
 
@@ -239,13 +237,6 @@ class _Scores:
         """Return a variant's error over that of the model itself, paired by seed. Raises Absent where there is none."""
         own, other = (self.runs(protocol, condition, model, variant=name) for name in ("", variant))
         return estimate((other / own).dropna(), LOG)
-
-    def drifting(self, model: str) -> str:
-        """Return a model's rank correlation of strain.rank_correlations. Raises Absent where the evidence has none."""
-        ranks = strain.rank_correlations(strain.errors_beyond(self.results, [model], self.settings))
-        if self.results.shown(self.experiment, "task_1") == LOOK or model not in ranks:
-            raise Absent
-        return interval(ranks[model])
 
 
 def _beside(scores: _Scores, asked: Mapping, own: pd.DataFrame) -> tuple[Table, list, str, dict[str, list[Point]], str]:

@@ -193,7 +193,7 @@ CAPTIONS = {  # what a document has -> the caption
     "- [figure8_task_1.png](figure8_task_1.png): Maps, by `press`.\n- more\n": "Figure 8. Maps, by press.",
     "- [training_time.png](training_time.png): Error over it.\n": "Error over it.",
     "![Touch](touch.png) Error over size,\none panel each.\n\nMore.\n": "Touch. Error over size, one panel each.",
-    "![Error of each finger](drift_beyond.png)\n": "Error of each finger",
+    "![Error of each finger](error.png)\n": "Error of each finger",
 }
 
 
