@@ -42,16 +42,6 @@ def processor() -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
-def free_memory() -> int | None:
-    """Return the bytes of memory that new work may take; None where the system does not tell."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as file:
-            told = dict(line.split(":", 1) for line in file)
-        return 1024 * int(told["MemAvailable"].split()[0])
-    except (OSError, KeyError, ValueError):
-        return None
-
-
 @contextmanager
 def holding(lock: Path, when_busy: Callable[[], None]) -> Iterator[None]:
     """Hold a lock file during the block; where another process holds it, call `when_busy`, then wait.

@@ -67,17 +67,16 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     names, summaries, notes, unread, unscored = [], [], [], [], []
     beside = Beside(workspace, card.experiment, f"{card.experiment}/{card.model}", card.reading)
 
-    def opened(path: Path, name: str) -> tuple[recordings.Recording, predictor.Predictor]:
-        """Return what a log says, and the model for logs that are printed so."""
-        of_log = model.read_as(beside.of_log(path))
-        recording = recordings.read(path, name, of_log.card)
-        recordings.check_memory(recording, card)
-        return recording, of_log
-
     with files.replacing_folder(target) as draft:
+
+        def opened(path: Path, name: str) -> tuple[recordings.Recording, predictor.Predictor, recordings.Predicted]:
+            """Return what a log says, the model for logs that are printed so, and what it predicts."""
+            of_log = model.read_as(beside.of_log(path))
+            recording = recordings.read(path, name, of_log.card)
+            return recording, of_log, recordings.predict(model, recording, draft)
+
         with predictions.writing(draft, place, card) as write:
-            for recording, of_log in _each(logs, opened, unread):
-                predicted = recordings.predict(model, recording)
+            for recording, of_log, predicted in _each(logs, opened, unread):
                 scored = _scored(recording.name, unscored, recordings.scored, of_log, recording)
                 summaries.append(write(recording, predicted, scored))
                 notes += [f"{recording.name}: {sentence}" for sentence in predicted.notes]
@@ -213,7 +212,7 @@ def _draw(folder: Path, recording, values, name: str, card, scored_as) -> None:
     """
     from pipeline.inference import pictures, recordings
 
-    if not len(values) or (values != values).all():
+    if not any((part == part).any() for part in recordings.parts(values)):
         return
     maps = card.outputs.touch_kpa is not None
     tips = recordings.tips(recording, scored_as) if maps and scored_as else None

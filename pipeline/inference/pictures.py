@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from pipeline.inference import touches
 from pipeline.inference.card import Card
-from pipeline.inference.recordings import Recording, Tips
+from pipeline.inference.recordings import Recording, Tips, parts
 from pipeline.reporting.figures import style
 
 plt = style.plt
@@ -54,7 +54,7 @@ def _draw_maps(
     path: Path, recording: Recording, time: np.ndarray, maps: np.ndarray, card: Card, tips: Tips | None
 ) -> None:
     """Draw force over time, and readings and maps of the hardest moments, which lie apart."""
-    force = touches.force_n(maps, card)
+    force = _forces(maps, card)
     moments = hardest(force, max(1, len(maps) // (3 * MOMENTS)))
     figure = plt.figure(figsize=(9, 6.2))
     grid = figure.add_gridspec(3, MOMENTS, height_ratios=(1.1, 1, 1.25))
@@ -102,6 +102,11 @@ def _draw_maps(
     style.save(figure, path)
 
 
+def _forces(maps: np.ndarray, card: Card) -> np.ndarray:
+    """Return the force of each map in N, (n,); NaN of a map that holds NaN."""
+    return np.concatenate([touches.force_n(part, card) for part in parts(maps)])
+
+
 def places(tips: Tips | None, k: int) -> list[tuple[float, float]]:
     """Return x and y (mm) of the tips that press at reading k; none where the truth is not known."""
     if tips is None:
@@ -125,8 +130,9 @@ def animate(path: Path, recording: Recording, maps: np.ndarray, card: Card, tips
 
     tips: the truth, where it is known: rings in the map.
     """
-    known = np.flatnonzero(~np.isnan(maps).any(axis=(1, 2)))
-    force = touches.force_n(maps, card)[known]
+    force = _forces(maps, card)
+    known = np.flatnonzero(~np.isnan(force))
+    force = force[known]
     middle = recording.t_s[known[force.argmax()]]
     first = max(recording.t_s[known[0]], min(middle - LONGEST_S / 2, recording.t_s[known[-1]] - LONGEST_S))
     times = np.arange(first, min(first + LONGEST_S, recording.t_s[known[-1]]) + 1e-9, 1 / FRAMES_PER_S)

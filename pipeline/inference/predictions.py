@@ -43,8 +43,8 @@ def schema(card: Card) -> pa.Schema:
 def rows(recording: Recording, predicted: Predicted, card: Card) -> Iterator[pa.Table]:
     """Yield the rows of one recording, some at a time."""
     wanted = schema(card)
-    for first in range(0, len(predicted.values), schemas.GROUP_ROWS):
-        part = predicted.values[first : first + schemas.GROUP_ROWS]
+    first = 0
+    for part in recordings.parts(predicted.values):
         flat = part.reshape(len(part), -1)
         columns = {
             "recording": schemas.repeated(recording.name, len(part)),
@@ -63,6 +63,7 @@ def rows(recording: Recording, predicted: Predicted, card: Card) -> Iterator[pa.
             columns["probability"] = schemas.lists(flat, pa.float32())
         columns |= intervals.columns(part, predicted.outside[first : first + len(part)], card)
         yield pa.table(columns, schema=pa.schema([wanted.field(name) for name in columns])).select(wanted.names)
+        first += len(part)
 
 
 def summary(recording: Recording, of_recording: Predicted, card: Card, scored: Mapping) -> dict:
@@ -73,7 +74,7 @@ def summary(recording: Recording, of_recording: Predicted, card: Card, scored: M
     """
     predicted, outside = of_recording.values, of_recording.outside
     flat = predicted.reshape(len(predicted), -1)
-    known = np.concatenate([np.zeros(0, bool), *(~np.isnan(part).any(axis=1) for part in _parts(flat))])
+    known = np.concatenate([np.zeros(0, bool), *(~np.isnan(part).any(axis=1) for part in recordings.parts(flat))])
     steps = schemas.steps(recording.t_s)
     lasts = float(steps.sum())
     said = {
@@ -100,11 +101,6 @@ def summary(recording: Recording, of_recording: Predicted, card: Card, scored: M
     return said | scored
 
 
-def _parts(values: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield some rows at a time: what is computed of a map takes several times its memory."""
-    return (values[first : first + schemas.GROUP_ROWS] for first in range(0, len(values), schemas.GROUP_ROWS))
-
-
 def _range(predicted: np.ndarray, known: np.ndarray, card: Card) -> dict:
     """Return the figures that sum up the predictions (n, *output_shape) of one recording that are known, (n,) bool."""
     if card.kind == "series":
@@ -116,15 +112,20 @@ def _range(predicted: np.ndarray, known: np.ndarray, card: Card) -> dict:
         predicted = predicted[known]
         best = Counter(card.outputs.names[k] for k in predicted.argmax(axis=1))
         return {"objects": dict(best.most_common()), "mean_probability": float(predicted.max(axis=1).mean())}
-    parts = [part[inside] for part, inside in zip(_parts(predicted), _parts(known), strict=True) if inside.any()]
-    highest = float(max(part.max() for part in parts))
+    highest, forces, counts = [], [], []
+    for part, inside in zip(recordings.parts(predicted), recordings.parts(known), strict=True):
+        if inside.any():
+            maps = part[inside]
+            highest.append(float(maps.max()))
+            if card.outputs.touch_kpa is not None:
+                forces.append(float(touches.force_n(maps, card).max()))
+                counts += [len(of_map) for of_map in touches.touches(maps, card)]
     if card.outputs.touch_kpa is None:
-        return {"highest_force_n": highest}
-    counts = np.concatenate([[len(of_map) for of_map in touches.touches(part, card)] for part in parts])
+        return {"highest_force_n": max(highest)}
     return {
-        "highest_pressure_kpa": highest,
-        "highest_force_n": float(max(touches.force_n(part, card).max() for part in parts)),
-        "share_of_readings_by_touches": {str(k): float((counts == k).mean()) for k in np.unique(counts)},
+        "highest_pressure_kpa": max(highest),
+        "highest_force_n": max(forces),
+        "share_of_readings_by_touches": {str(k): float(np.mean(np.equal(counts, k))) for k in np.unique(counts)},
     }
 
 

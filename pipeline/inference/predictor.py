@@ -10,7 +10,7 @@ for reading in device:           # (25,)
 
 import copy
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 
@@ -84,16 +84,23 @@ class Predictor:
         or, if `frame_step` is given, so many of them from one frame of a window to the next. A prediction uses its own
         reading and earlier ones. Raises InputError for another number of columns.
         """
+        predicted, after = np.empty((len(readings), *self.output_shape), np.float32), 0
+        for part in self.in_parts(readings, frame_step):
+            predicted[after : after + len(part)] = part
+            after += len(part)
+        return predicted
+
+    def in_parts(self, readings: np.ndarray, frame_step: int | None = None) -> Iterator[np.ndarray]:
+        """Yield what `predict` returns, some readings at a time, (k, *output_shape) float32; takes the same."""
         x, frame_step = self._checked(readings), frame_step or self.card.inputs.frame_step
-        if self.card.kind == "windows" and len(x):
-            predicted = self._streamed(x, frame_step) if self.network.streams else self._windowed(x, frame_step)
-        elif self.card.kind == "windows":
-            predicted = np.empty((0, *self.output_shape))
-        elif self.card.kind == "series":
-            predicted = self._of_series(x) if len(x) else np.empty((0, *self.output_shape))
+        if not len(x):
+            return
+        if self.card.kind == "windows":
+            parts = self._streamed(x, frame_step) if self.network.streams else self._windowed(x, frame_step)
         else:
-            predicted = self._of_images(x)
-        return predicted.reshape(len(x), *self.output_shape).astype(np.float32, copy=False)
+            parts = iter([self._of_series(x) if self.card.kind == "series" else self._of_images(x)])
+        for part in parts:
+            yield part.reshape(len(part), *self.output_shape).astype(np.float32, copy=False)
 
     @property
     def streams(self) -> bool:
@@ -194,33 +201,36 @@ class Predictor:
         self._put({})
         return predicted
 
-    def _windowed(self, x: np.ndarray, frame_step: int) -> np.ndarray:
-        """Return predictions (n, outputs) of the windows that end at each reading, NaN before the first whole one."""
-        predicted = np.full((len(x), int(np.prod(self.output_shape))), np.nan, np.float32)
+    def _windowed(self, x: np.ndarray, frame_step: int) -> Iterator[np.ndarray]:
+        """Yield predictions of the windows that end at each reading, NaN before the first whole one."""
         reach = self.card.reach(frame_step)
-        rows = np.arange(reach, len(x))
+        yield np.full((min(reach, len(x)), *self.output_shape), np.nan, np.float32)
         offsets = np.arange(-reach, 1, frame_step)
-        for first in range(0, len(rows), SOME_WINDOWS):
-            some = rows[first : first + SOME_WINDOWS]
-            predicted[some] = self.network.predict(x[some[:, None] + offsets]).reshape(len(some), -1)
-        return predicted
+        for first in range(reach, len(x), SOME_WINDOWS):
+            some = np.arange(first, min(first + SOME_WINDOWS, len(x)))
+            yield self.network.predict(x[some[:, None] + offsets])
 
-    def _streamed(self, x: np.ndarray, frame_step: int) -> np.ndarray:
-        """Return predictions (n, outputs) of a model that carries its state, one stream per reading of a step.
+    def _streamed(self, x: np.ndarray, frame_step: int) -> Iterator[np.ndarray]:
+        """Yield predictions of a model that carries its state, one stream per reading of a step.
 
         NaN until a stream has seen as many frames as a window has.
         """
-        streams = min(frame_step, len(x))
+        streams, reach = min(frame_step, len(x)), self.card.reach(frame_step)
         missing = -len(x) % streams
         padded = np.concatenate([x, np.repeat(x[-1:], missing, axis=0)]).reshape(-1, streams, x.shape[1])
-        self._put({})
-        predicted = np.empty((*padded.shape[:2], int(np.prod(self.output_shape))), np.float32)  # filled at once
-        for each, frames in zip(predicted, padded, strict=True):
-            each[:] = self.network.step(frames).reshape(streams, -1)
-        predicted = predicted.reshape(-1, predicted.shape[2])[: len(x)]
-        self._put({})
-        predicted[: self.card.reach(frame_step)] = np.nan
-        return predicted
+        carried, some = {}, max(1, SOME_WINDOWS // streams)
+        for first in range(0, len(padded), some):
+            frames = padded[first : first + some]
+            predicted = np.empty((*frames.shape[:2], int(np.prod(self.output_shape))), np.float32)  # filled at once
+            self._put(carried)
+            for each, frame in zip(predicted, frames, strict=True):
+                each[:] = self.network.step(frame).reshape(streams, -1)
+            carried = {name: getattr(self.network, name, None) for name in CARRIED}
+            self._put({})
+            before = first * streams
+            predicted = predicted.reshape(-1, predicted.shape[2])[: len(x) - before]
+            predicted[: max(0, reach - before)] = np.nan
+            yield predicted
 
     def _of_images(self, x: np.ndarray) -> np.ndarray:
         """Return probabilities (n, classes) for readings (n, cells)."""

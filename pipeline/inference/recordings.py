@@ -6,7 +6,10 @@ Lines are checked and ordered as in training (pipeline/logs/parse.py), and what 
 import contextlib
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+import mmap
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +18,7 @@ import pyarrow as pa
 
 from pipeline import experiments, tasks
 from pipeline.base import cards as base_cards
-from pipeline.base import correlation, files, processes
+from pipeline.base import correlation, files
 from pipeline.base.errors import InputError
 from pipeline.datasets import images, schemas
 from pipeline.datasets.series import Record
@@ -32,7 +35,7 @@ SIMULATED = "simulated"  # as a source of logs
 TRAIN, TEST = "train", "test"  # parts of a split
 
 
-HELD_BYTES = 10  # of memory, for each number of a prediction until it is written: 4.0 kB for a map of 400
+LARGE = 200 << 20  # bytes of a recording's predictions, from which on they are held in a file
 NOTHING = np.empty(0, int)
 
 
@@ -202,18 +205,40 @@ class Predicted(NamedTuple):
     notes: list[str]  # sentences on a rate unlike that of training, on what is no measurement, on why nothing is said
 
 
-def check_memory(recording: Recording, card: Card) -> None:
-    """Raise InputError where the predictions of a recording do not fit into the memory that is free."""
-    needed, free = HELD_BYTES * len(recording.x) * math.prod(card.output_shape), processes.free_memory()
-    if free is not None and needed > free:
+def room(recording: Recording, card: Card, folder: Path | None) -> np.ndarray:
+    """Return an array for the predictions of a recording, (n, *output_shape) float32, whose values are yet to come.
+
+    From LARGE on it is a file without a name in `folder`, so that it takes no memory; None: it is never one. Raises
+    InputError where the disk has no room for it.
+    """
+    shape = (len(recording.x), *card.output_shape)
+    needed = math.prod(shape) * np.dtype(np.float32).itemsize
+    if folder is None or needed < LARGE:
+        return np.empty(shape, np.float32)
+    if needed > (free := shutil.disk_usage(folder).free):
         raise InputError(
-            f"{recording.name}: the predictions of its {len(recording.x)} readings take about {needed / 1e9:.3g} GB of "
-            f"memory, of which {free / 1e9:.3g} GB are free; divide the log, or free memory"
+            f"{recording.name}: the predictions of its {len(recording.x)} readings take {needed / 1e9:.3g} GB of the "
+            f"disk, of which {free / 1e9:.3g} GB are free; divide the log, or free the disk"
         )
+    with tempfile.TemporaryFile(dir=folder) as file:
+        return np.memmap(file, np.float32, "w+", shape=shape)
 
 
-def predict(model: Predictor, recording: Recording) -> Predicted:
-    """Return one prediction per reading.
+def parts(values: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield some rows at a time of predictions: what is computed of a map takes several times its memory."""
+    for first in range(0, len(values), schemas.GROUP_ROWS):
+        yield values[first : first + schemas.GROUP_ROWS]
+        release(values)
+
+
+def release(values: np.ndarray) -> None:
+    """Give the memory of predictions back that are in a file, which keeps them."""
+    if isinstance(values, np.memmap) and hasattr(mmap, "MADV_DONTNEED"):
+        values._mmap.madvise(mmap.MADV_DONTNEED)  # the one way to it
+
+
+def predict(model: Predictor, recording: Recording, folder: Path | None = None) -> Predicted:
+    """Return one prediction per reading; folder: where those of a long recording lie, see `room`.
 
     A model of windows is given a few lost readings by interpolation (timing.most_filled). Windows span no longer gap,
     so that the first predictions after one are NaN; a series goes on over it, as in training. Readings that are no
@@ -223,26 +248,37 @@ def predict(model: Predictor, recording: Recording) -> Predicted:
     none = np.isin(np.arange(len(x)), recording.unmeasured)
     if model.card.kind != "windows" or len(x) < 2:
         notes = [too_short(model.card, model.card.inputs.frame_step, len(x))] if model.card.kind == "windows" else []
-        return Predicted(model.predict(x), model.outside(x) | none, [*recording.notes, *notes])
+        predicted = room(recording, model.card, folder)
+        _put(predicted, np.arange(len(x)), model.in_parts(x))
+        return Predicted(predicted, model.outside(x) | none, [*recording.notes, *notes])
     interval_s = packets.rate(t_s, segment).interval
     step = timing.frame_step(model.card, interval_s)
     lost = np.maximum(0, np.round(np.diff(t_s, prepend=t_s[0]) / interval_s).astype(int) - 1)
     begins = (np.diff(segment, prepend=segment[0]) != 0) | (lost > timing.most_filled(step))
     lost[begins] = 0
-    parts, outside = [], np.empty(len(x), bool)
+    predicted, outside = room(recording, model.card, folder), np.empty(len(x), bool)
     edges, longest = [0, *np.flatnonzero(begins), len(x)], 0
     for first, last in itertools.pairwise(edges):
         place = np.arange(last - first) + np.cumsum(lost[first:last])  # of the readings, with the lost ones in between
         every = np.arange(place[-1] + 1)
         longest = max(longest, len(every))
         whole = np.column_stack([np.interp(every, place, column) for column in x[first:last].T])
-        predicted = model.predict(whole, step)
-        parts.append(predicted[place] if len(place) < len(every) else predicted)
+        _put(predicted[first:last], place, model.in_parts(whole, step))
         beside = np.interp(every, place, none[first:last]) > 0  # also a lost reading beside one that is none
         outside[first:last] = model.outside(whole, step, beside)[place]
     notes = timing.differences(model.card, interval_s, interval_s)
     notes += [too_short(model.card, step, longest)] if longest <= model.card.reach(step) else []
-    return Predicted(parts[0] if len(parts) == 1 else np.concatenate(parts), outside, [*recording.notes, *notes])
+    return Predicted(predicted, outside, [*recording.notes, *notes])
+
+
+def _put(predicted: np.ndarray, place: np.ndarray, given: Iterator[np.ndarray]) -> None:
+    """Put predictions that come in parts to the readings that there were; place (k,): of these among all, rising."""
+    after = 0
+    for part in given:
+        first, last = np.searchsorted(place, [after, after + len(part)])
+        predicted[first:last] = part[place[first:last] - after]
+        after += len(part)
+        release(predicted)
 
 
 def too_short(card: Card, step: int, longest: int) -> str:

@@ -13,7 +13,7 @@ import pytest
 from builders import free_targets, live_models, own_logs
 from builders.project import ROOT
 
-from pipeline.base import arguments, files, params, processes
+from pipeline.base import arguments, files, params
 from pipeline.base import cards as base_cards
 from pipeline.commands import targets
 from pipeline.commands.targets import Effort
@@ -214,21 +214,39 @@ def test_a_recording_of_several_parts_is_summed_up_as_one_of_one(linear, array, 
     assert str(tables[0].to_pylist()) == str(tables[1].to_pylist())  # NaN is not NaN, but is written as it
 
 
-def test_a_log_whose_maps_do_not_fit_into_memory_is_listed_and_the_others_are_predicted(
+def test_predictions_that_are_held_on_the_disk_are_those_held_in_memory(linear, array, called, tmp_path, monkeypatch):
+    called("predict", linear, array / "day1_1", "--out", tmp_path / "memory")
+    monkeypatch.setattr(recordings, "LARGE", 0)
+    monkeypatch.setattr(schemas, "GROUP_ROWS", 100)
+    held = []
+    monkeypatch.setattr(recordings, "release", lambda values, of=recordings.release: (held.append(values), of(values)))
+    called("predict", linear, array / "day1_1", "--out", tmp_path / "disk")
+    assert any(isinstance(values, np.memmap) for values in held)
+    written = sorted(path.relative_to(tmp_path / "memory") for path in (tmp_path / "memory").rglob("*"))
+    assert written == sorted(path.relative_to(tmp_path / "disk") for path in (tmp_path / "disk").rglob("*"))
+    tables = [schemas.read(tmp_path / name / "predictions.parquet") for name in ("memory", "disk")]
+    assert str(tables[0].to_pylist()) == str(tables[1].to_pylist())
+    pictures = [path for path in written if path.suffix in (".png", ".gif")]
+    assert len(pictures) == 2
+    for path in pictures:
+        assert (tmp_path / "memory" / path).read_bytes() == (tmp_path / "disk" / path).read_bytes()
+
+
+def test_a_log_whose_maps_do_not_fit_onto_the_disk_is_listed_and_the_others_are_predicted(
     linear, array, called, tmp_path, monkeypatch, capsys
 ):
     shutil.copytree(array, tmp_path / "logs" / "single")
     long = tmp_path / "logs" / "single" / "day1_1" / "array.log"
     lines = long.read_text().splitlines(keepends=True)
     (tmp_path / "logs" / "single" / "day1_0" / "array.log").write_text("".join(lines[:100]))
-    monkeypatch.setattr(processes, "free_memory", lambda: 10 * 96 * (len(lines) - 100))  # maps of 8 x 12
+    monkeypatch.setattr(recordings, "LARGE", 4 * 96 * 200)  # maps of 8 x 12
+    usage = shutil.disk_usage(tmp_path)._replace(free=4 * 96 * (len(lines) - 100))
+    monkeypatch.setattr(recordings.shutil, "disk_usage", lambda folder: usage)
     with pytest.raises(SystemExit, match="1 of 2 logs cannot be read .*; the others are predicted"):
         called("predict", linear, tmp_path / "logs", "--no-pictures", "--out", tmp_path / "out")
     said = capsys.readouterr().out
     assert "day1_1: the predictions of its" in said and "divide the log" in said
     assert [*answer(tmp_path / "out")] == ["single/day1_0"]
-    monkeypatch.setattr(processes, "free_memory", lambda: None)  # as where a system does not tell
-    called("predict", linear, tmp_path / "logs" / "single" / "day1_1", "--no-pictures", "--out", tmp_path / "out")
 
 
 def clock_twice_too_fast(text: str) -> str:
