@@ -211,11 +211,14 @@ def _counts(path: Path) -> pd.DataFrame:
 
 
 def _drift(path: Path) -> pd.DataFrame:
-    """Return what a linear read-out decodes from the raw voltages and from model-0; the target is the metric."""
+    """Return what a linear read-out decodes from the raw voltages and from model-0; the target is the metric.
+
+    An R2 below 0 becomes 0, which the mean has: a read-out that tells less than nothing tells nothing.
+    """
     table = read_csv(path, ["protocol", "seed", "value", "input", "target"], MADE_BY)
     known = table["input"].str.startswith("raw").map({True: "raw", False: "states"})
     table = table.assign(experiment="strain", condition=table["protocol"], model=known)
-    table = table.assign(metric=table["target"].str.replace(" ", "_"))
+    table = table.assign(metric=table["target"].str.replace(" ", "_"), value=table["value"].clip(lower=0))
     return table[(known == "raw") | (table["input"] == LATENT)]
 
 
