@@ -16,7 +16,7 @@ from pipeline.reporting.experiment import Parts
 from pipeline.reporting.figures import common
 from pipeline.reporting.glove import draw_confusions
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import plain, task_name
+from pipeline.reporting.words.labels import plain, split_name, task_name
 from pipeline.scoring import kept, studies
 from pipeline.scoring.glove_results import NETWORKS, main_protocols, splits
 from pipeline.scoring.results import estimate
@@ -100,17 +100,19 @@ def called(recording: str) -> str:
 def places(workspace: Workspace, folder: Path, settings: Mapping, report: Report) -> Parts:
     """Draw predicted over true places of test presses, of the protocols that ask for x and y."""
     tested = {protocol: day for protocol, day in report.scored()}
-    asked = {protocol: day for protocol, day in tested.items() if protocol.endswith("_xy")}
-    rows = {plain(protocol): presses(report, protocol) for protocol in asked}
+    asked = {
+        protocol: day for protocol, day in tested.items() if protocol in experiments.facts(report.experiment).drawn
+    }
+    rows = {split_name(protocol): presses(report, protocol) for protocol in asked}
     if rows := {name: clouds for name, clouds in rows.items() if clouds}:
         title = f"Place of test presses (up to {kept.MOST_PRESSES}), mean over the second half of a press's samples"
         caption = report.caption(next(iter(asked))).rpartition(", ")[0]
         common.agreement(folder / "figure.png", f"{title}\n{caption}", rows, "mm")
-    groups = {plain(protocol): protocol for protocol in list(asked)[:3]}
+    groups = {split_name(protocol): protocol for protocol in list(asked)[:3]}
     common_parts.learning_curves(report, folder / "learning_curves.png", groups, "mm²")
     protocols = [(name, *name.rsplit("_", 1)) for name in settings["protocols"]]
     words = {"protocols": protocols, "tested": tested, "measures": MEASURES}
-    speed = {plain(protocol): (protocol, day) for protocol, day in asked.items()}
+    speed = {split_name(protocol): (protocol, day) for protocol, day in asked.items()}
     measure = ("press_error", "Error per press (mm)")
     return Parts(strain.score_table(report), speed, measure, words, strain.TRANSFER_COSTS)
 

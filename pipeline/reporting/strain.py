@@ -161,7 +161,7 @@ def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFram
     title = "Is the latent space free of drift? (0: nothing can be read, 1: everything)"
     common.bars(folder / "drift.png", decoders, title, "R2 of a linear decoder,\nheld-out blocks", (LEAST_R2, 1.05))
     rows = [
-        (f"{task}: {SEEN.get(seen, 'voltages')}", values.to_list())
+        (f"{task}: {SEEN.get(seen, 'voltages')}", values.clip(lower=0).to_list())  # less than the mean tells is nothing
         for task, of_task in decoders.items()
         for seen, values in of_task["true drift"].items()
         if seen in SEEN or seen.startswith("raw")
