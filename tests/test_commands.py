@@ -224,7 +224,7 @@ def test_the_installed_command_is_that_of_the_room():
     assert (module, function) == (PEOPLE, "main") and list(PROJECT["scripts"]) == ["tactile"]
     modules = {path.stem for path in (ROOT / "pipeline" / "commands").glob("[a-z]*.py")} - {"command_line"}
     assert set(COMMANDS.values()) == modules
-    renamed = {"try": "quick_look", "import": "import_logs"}  # words of Python, which no module can be called
+    renamed = {"try": "quick_look", "import": "import_logs", "map": "map_elements"}  # words of Python itself
     assert all(module == renamed.get(name, name.replace("-", "_")) for name, module in COMMANDS.items())
 
 

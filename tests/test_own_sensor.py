@@ -175,7 +175,7 @@ MISTAKES = {  # the files of which every whole line is edited, how, and what che
         numbers(lambda v: [float(one) / 10 for one in v]),
         "of an array of 30 x 20: write .* milli",
     ),
-    "not tared": ("load_cell.log", numbers(lambda v: [float(v[0]) + 3]), "rests at 3 N, above .* subtract what"),
+    "not tared": ("load_cell.log", numbers(lambda v: [float(v[0]) + 3]), "rests at 3 N, above .* write `offset: -2.9"),
     "kilonewtons": (
         "load_cell.log",
         numbers(lambda v: [float(v[0]) / 1000]),

@@ -234,7 +234,10 @@ def test_numbers_of_strain_stand_beside_the_printed_ones(shown):
     assert (
         rows[0][4].startswith(f"{interval_of_logs([30, 31, 32])[0]:.3f} [") and len(rows[2]) == 4
     )  # the paper has no task 0
-    for published_ratio, what in (("0.172", "was set by one published number"), ("0.627", "Nothing was set by a second ratio")):
+    for published_ratio, what in (
+        ("0.172", "was set by one published number"),
+        ("0.627", "Nothing was set by a second ratio"),
+    ):
         assert re.search(rf"{what}.* Ours is [^,]*\[.*, published {published_ratio}\.", text)
     times = (target / "speed" / "table1_times.md").read_text()
     assert times.count("\n\nMeasured on a core.\n\n") == 3, "of each task"

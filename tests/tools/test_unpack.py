@@ -20,7 +20,7 @@ from pipeline.base.paths import Workspace
 from pipeline.scoring import kept, shards
 from tools import unpack
 
-SHARD, STUDY, VARIED = "strain-0-half", "input_frames_glove-0-full", "variants_glove-0-full"
+SHARD, STUDY, VARIED = "strain-0-full", "input_frames_glove-0-full", "variants_glove-0-full"
 RESULT, CURVES, ROWS = f"results/{SHARD}.csv", f"curves/{SHARD}.csv", f"results/{VARIED}.csv"
 TABLE = "studies/glove/input_frames-0.csv"
 DRAWN, STRESS = f"kept/{SHARD}.parquet", f"stress/{SHARD}.csv"
@@ -72,7 +72,7 @@ def out(tmp_path) -> Path:
         (folder / name).write_text("".join([rows[0], *mine]))
     (folder / "stress").mkdir()
     row = {"experiment": "strain", "protocol": "task_1", "condition": "task_1", "model": "esn", "metric": "error"}
-    row |= {"seed": 0, "budget": "half", "unit": "mm", "value": 2.5, "n": 9, "perturbation": "noise", "severity": 0.1}
+    row |= {"seed": 0, "budget": "full", "unit": "mm", "value": 2.5, "n": 9, "perturbation": "noise", "severity": 0.1}
     write(folder / STRESS, [dict.fromkeys(shards.STRESS, "") | row])
     draw(folder)
     return folder
@@ -201,7 +201,7 @@ HOSTILE: dict[str, Change] = {
     # names and paths
     "a shard above": value("index.csv", "shard", "../../pipeline/x"),
     "an absolute shard": value("index.csv", "shard", "/tmp/x"),
-    "a shard of nobody": value("index.csv", "shard", "strain-99-half"),
+    "a shard of nobody": value("index.csv", "shard", "strain-99-full"),
     "another experiment": value("index.csv", "experiment", "touch", row=1),
     "another protocol": value("index.csv", "protocol", "task_0", row=1),
     "another seed": value("index.csv", "seed", "1"),
@@ -232,7 +232,7 @@ HOSTILE: dict[str, Change] = {
     "a model of another experiment": value(RESULT, "model", "lomp"),
     "a protocol of nobody": value(RESULT, "protocol", "task_9"),
     "an experiment of nobody": value(RESULT, "experiment", "touch"),
-    "a budget of another shard": value(RESULT, "budget", "full"),
+    "a budget of another shard": value(RESULT, "budget", "half"),
     "half an n": value(RESULT, "n", "1.5"),
     "a seed below zero": value(RESULT, "seed", "-1"),
     "a column too few": removed_column(RESULT, "unit"),
@@ -260,7 +260,7 @@ HOSTILE: dict[str, Change] = {
     "times that are none": value("times.csv", "train_s", "nan"),
     "endless times": value("times.csv", "train_s", "1e999"),
     "epochs in words": value("times.csv", "epochs", "many"),
-    "times of nobody": value("times.csv", "shard", "strain-99-half"),
+    "times of nobody": value("times.csv", "shard", "strain-99-full"),
     "times of a model of nobody": value("times.csv", "model", "lstm_indirect"),
     "times of another seed": value("times.csv", "seed", "1"),
     "binary times": content("times.csv", b"\xff\xfe\x00"),
@@ -282,7 +282,7 @@ HOSTILE: dict[str, Change] = {
     "a kept file of text": kept_content(DRAWN, b"text"),
     "a large kept file": kept_content(DRAWN, b"x" * (kept.LARGEST + 1)),
     "a stress of nobody": kept_value(STRESS, "model", "lomp"),
-    "a stress of another budget": kept_value(STRESS, "budget", "full"),
+    "a stress of another budget": kept_value(STRESS, "budget", "half"),
     "an endless stress": kept_value(STRESS, "value", "inf"),
     "blocks of no samples": kept_value(STRESS, "blocks", "2.5:0"),
     "a severity in words": kept_value(STRESS, "severity", "much"),
