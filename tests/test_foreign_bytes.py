@@ -41,6 +41,7 @@ OUTSIDE = {
     ("pipeline/commands/evidence.py", "json.loads"): "what DVC prints, which this program called",
     ("pipeline/stability/series.py", "json.loads"): "text that the same process made",
     ("pipeline/stability/images.py", "json.loads"): "text that the same process made",
+    ("pipeline/inference/recordings.py", "numpy.memmap"): "a file without a name, which this process fills itself",
     ("pipeline/learning/estimators.py", "json.loads"): "bytes that skops has just made",
     ("pipeline/learning/estimators.py", "zipfile.ZipFile"): "bytes that skops has just made",
     ("pipeline/stages/ingest.py", "pyarrow.ipc.open_stream"): OURS,
