@@ -431,8 +431,8 @@ def test_what_is_taken_is_as_indexed_and_of_this_checkout(project, take, tmp_pat
     shutil.rmtree(out)
     with pytest.raises(InputError, match="no index.csv in it"):
         take(out)
-    write_shard(out, "strain-1-half", "strain", ["results/strain-1-half.csv"], commit=head, data_sha256="d" * 64)
-    with pytest.raises(InputError, match="evidence/shards.yaml has no shard 'strain-1-half'"):
+    write_shard(out, "strain-9-full", "strain", ["results/strain-9-full.csv"], commit=head, data_sha256="d" * 64)
+    with pytest.raises(InputError, match="evidence/shards.yaml has no shard 'strain-9-full'"):
         take(out)
     shutil.rmtree(out)
     git(project, "checkout", "-q", "-b", "side")
