@@ -4,6 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+STARTS = "starts"  # of networks, all on one test part
+FOLDS = "folds"  # of recordings: each seed tests on other units
+
 
 class Source(NamedTuple):
     """The origin of public recordings: files at one pinned commit of a repository."""
@@ -66,7 +69,7 @@ class Facts:
     first_tested: tuple[str, str]  # protocol and condition whose stability people read first
     tested: Mapping[tuple[str, str], str] = field(default_factory=dict)  # (protocol, condition) of stress, in words
     drawn: tuple[str, ...] = ()  # protocols whose predictions figures of the reports show
-    seeds: str = "starts"  # what each seed has another one of, in the plural
+    seeds: str = STARTS  # what each seed has another one of, in the plural
     sheet: str  # the function of pipeline/sheet/sources.py that makes its sensors for the data sheet
     pooled: tuple[str, ...] = ()  # name of all test windows of a run together
     stream: bool = True  # frames follow one another; else there is neither a data sheet nor a prediction of a log

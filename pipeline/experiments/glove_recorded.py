@@ -23,7 +23,7 @@ import pyarrow as pa
 
 from pipeline.base import foreign
 from pipeline.base.errors import InputError
-from pipeline.base.facts import Facts, Source
+from pipeline.base.facts import FOLDS, Facts, Source
 from pipeline.datasets import images as tactile
 from pipeline.datasets import schemas
 from pipeline.datasets.seeding import generator
@@ -39,6 +39,7 @@ FACTS = Facts(
     compared=("grasp_combined",),
     first_tested=("grasp_combined", "combined"),
     drawn=("grasp_pressure", "grasp_strain", "grasp_combined"),
+    seeds=FOLDS,
     score="errors/combined.macro_precision",
     sheet="hand",
     tested={
@@ -83,7 +84,7 @@ CELL_COUNT = "number of cells"
 CONSTANT = "constant frame"  # mostly the time before contact, when every cell is 0
 NO_ANGLES = "no joint angles at this time"
 
-SPLITS = ("grasp", "time", "random_frames")
+SPLITS = ("grasp", "block", "random_frames")
 
 
 def frames_schema(settings: Mapping) -> pa.Schema:
@@ -201,14 +202,18 @@ def _levels(values: np.ndarray, low: float | np.ndarray, high: float | np.ndarra
 def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.ndarray:
     """Return the part of each image, (n,); the same for the three modalities of one seed. frames: the chosen frames.
 
-    `grasp`: whole grasps of every object, drawn by the seed; `time`: the first grasps of every object train, the next
-    validate, the last test, the same for every seed; `random_frames`: frames of every object, so that frames of one
-    grasp fall on all sides. Raises InputError for another name, or an object with fewer grasps (frames) than parts.
+    Seeds test on one fold after another, so that as many seeds as there are folds test on every grasp once; how many
+    these are, the share of the test in `split` says, rounded to a whole number of folds.
+    `grasp`: folds of whole grasps of every object, in an order that is drawn anew after the last fold; `block`: folds
+    of grasps in a row in time, validated on those before them, the first ones on the last; `random_frames`: as `grasp`
+    with single frames, so that frames of one grasp fall on all sides. Raises InputError for another name, or an object
+    with fewer grasps (frames) than parts.
     """
     name = tactile.checked_split("glove_recorded", protocol, SPLITS, settings)
     part = np.empty(frames.num_rows, dtype=object)
     objects, grasps = schemas.names(frames["condition"]), _grasps(frames)
     kind = "frames" if name == "random_frames" else "grasps"
+    repeat, fold = divmod(seed, folds(settings))
     for grasped in np.unique(objects):
         units = [grasp for grasp in grasps if objects[grasp[0]] == grasped]
         if name == "random_frames":
@@ -219,11 +224,25 @@ def split(frames: pa.Table, settings: Mapping, protocol: str, seed: int) -> np.n
                 "train, validate and test on different ones: record more, or remove the object"
             )
         order = np.arange(len(units))
-        if name != "time":
-            order = generator(seed, "glove_recorded", name, grasped).permutation(order)
-        for part_name, group in zip(tactile.PARTS, tactile.shares(order, settings["split"]), strict=True):
+        if name != "block":
+            order = generator(repeat, "glove_recorded", name, grasped).permutation(order)
+        for part_name, group in zip(tactile.PARTS, _divided(order, fold, settings), strict=True):
             part[np.concatenate([units[k] for k in group])] = part_name
     return part
+
+
+def folds(settings: Mapping) -> int:
+    """Return into how many folds grasps are divided, two at least; settings: the experiment's block."""
+    return max(2, round(1 / (1 - settings["split"]["train"] - settings["split"]["validation"])))
+
+
+def _divided(order: np.ndarray, fold: int, settings: Mapping) -> list[np.ndarray]:
+    """Return which units train, validate and test, none of them empty; order: three units or more (n,)."""
+    n, number = len(order), folds(settings)
+    first, end = fold * n // number, (fold + 1) * n // number
+    test = max(1, end - first)  # of fewer units than folds some are tested twice
+    validation = min(max(1, round(n * settings["split"]["validation"])), n - test - 1)
+    return np.split(np.roll(order, n - first - test), [n - test - validation, n - test])
 
 
 def _grasps(frames: pa.Table) -> list[np.ndarray]:

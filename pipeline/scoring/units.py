@@ -1,7 +1,8 @@
 """Score recordings press by press, or grasp by grasp: what intervals of recorded data are over.
 
-Seeds of a recorded experiment are starts of networks on the same recordings; how far a number would differ with other
-presses is told by drawing the presses anew, with repetition (bootstrap; Efron 1979), the same ones for every model.
+Seeds of a recorded experiment are starts of networks on the same test part, or folds, each with a test part of its own;
+how far a number would differ with other presses is told by drawing the presses anew, with repetition (bootstrap; Efron
+1979), the same ones for every model.
 Of recordings of several persons, persons are drawn anew, and of each that is drawn what is theirs. Of metrics other
 than the main one a person is one unit: how persons differ holds already how frames of one differ, and rows are few.
 
@@ -17,7 +18,7 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline import experiments
-from pipeline.base.facts import Facts
+from pipeline.base.facts import FOLDS, Facts
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.scoring import metrics
@@ -67,7 +68,8 @@ def rows(workspace: Workspace, experiment: str, settings: Mapping, protocols: Se
                         fewer = most if metric == facts.metric else 1
                         block, whose = _blocks(unit[chosen], None if subject is None else subject[chosen], fewer)
                         parts = pd.DataFrame({"share": share, "of": of})[chosen[known]]
-                        sums = parts.groupby(_named(block, whose), observed=True).sum()
+                        first = seed * MOST_UNITS if facts.seeds == FOLDS else 0
+                        sums = parts.groupby(_named(block, whose, first), observed=True).sum()
                         for number, each in sums[sums["of"] > 0].iterrows():
                             yield {
                                 "experiment": experiment, "protocol": protocol, "condition": name, "model": model,
@@ -85,9 +87,14 @@ def _numbers(table: pa.Table) -> np.ndarray:
     return np.where(press >= 0, number, -1)
 
 
-def _named(block: np.ndarray, whose: Sequence[str | None]) -> pd.Categorical:
-    """Return the names of blocks of units, (n,): unit_0, unit_1 ..., or of persons unit_P01_0 ...; see `_blocks`."""
-    names = [f"unit_{k}" if one is None else f"unit_{one}_{whose[:k].count(one)}" for k, one in enumerate(whose)]
+def _named(block: np.ndarray, whose: Sequence[str | None], first: int = 0) -> pd.Categorical:
+    """Return the names of blocks of units, (n,): unit_0, unit_1 ..., or of persons unit_P01_0 ...; see `_blocks`.
+
+    first: the number of the first one, of nobody's units.
+    """
+    names = [
+        f"unit_{first + k}" if one is None else f"unit_{one}_{whose[:k].count(one)}" for k, one in enumerate(whose)
+    ]
     return pd.Categorical.from_codes(block, names)
 
 

@@ -284,13 +284,38 @@ def test_no_grasp_is_on_two_sides():
     assert (glove_recorded.split(more, SETTINGS, "grasp_pressure", 0)[:200] == part).all()
 
 
-def test_time_trains_on_the_first_grasps_and_tests_on_the_last():
+@pytest.mark.parametrize("protocol", ["grasp_pressure", "block_strain", "random_frames_combined"])
+def test_as_many_seeds_as_folds_test_on_everything_once(protocol):
+    for grasps in (10, 13, 23):  # objects of 23 have folds of 4 and of 5
+        frames = several(grasps=grasps)
+        parts = np.array([glove_recorded.split(frames, SETTINGS, protocol, seed) for seed in range(10)])
+        for turn in (parts[:5], parts[5:]):
+            assert ((turn == "test").sum(axis=0) == 1).all()
+        shares = [np.mean(parts == name, axis=1) for name in tactile.PARTS]
+        assert all(np.abs(share - wanted).max() < 0.08 for share, wanted in zip(shares, (0.6, 0.2, 0.2), strict=True))
+        same = (parts[0] == parts[5]).all()
+        assert same == protocol.startswith("block"), "the order is drawn anew after the last fold, but that of time"
+
+
+@pytest.mark.parametrize(
+    ("train", "validation", "number"), [(0.7, 0.1, 5), (0.5, 0.25, 4), (0.01, 0.98, 100), (0.2, 0.1, 2)]
+)
+def test_folds_have_the_share_of_the_test(train, validation, number):
+    settings = SETTINGS | {"split": {"train": train, "validation": validation}}
+    assert glove_recorded.folds(settings) == number
+    for seed in range(number):
+        part = glove_recorded.split(several(), settings, "grasp_pressure", seed)
+        assert set(part) == set(tactile.PARTS), "no part is empty"
+
+
+def test_blocks_are_grasps_in_a_row_validated_on_those_before():
     frames = several()
     shuffled = frames.take(np.concatenate([np.arange(100, 200), np.arange(50, 100), np.arange(50)]))
-    for table, seed in ((frames, 0), (shuffled, 7)):
-        part, _ = parts_of(table, "time_strain", seed)
+    for table, seed, validated in ((frames, 4, 3), (shuffled, 9, 3), (shuffled, 0, 4), (frames, 2, 1)):
+        part, _ = parts_of(table, "block_strain", seed)
         first = np.array([int(re.search(r"_(\d+)-", name)[1]) for name in schemas.names(table["recording"])])
-        assert (part == np.where(first < 600, "train", np.where(first < 800, "validation", "test"))).all()
+        fifth = first // 200
+        assert (part == np.where(fifth == seed % 5, "test", np.where(fifth == validated, "validation", "train"))).all()
 
 
 def test_random_frames_put_one_grasp_on_all_sides():
@@ -300,9 +325,9 @@ def test_random_frames_put_one_grasp_on_all_sides():
 
 
 def test_impossible_splits_are_one_sentence():
-    with pytest.raises(InputError, match="no split 'tuesday'; there are grasp, time, random_frames"):
+    with pytest.raises(InputError, match="no split 'tuesday'; there are grasp, block, random_frames"):
         glove_recorded.split(several(), SETTINGS, "tuesday_strain", 0)
-    for protocol in ("grasp_pressure", "time_pressure"):
+    for protocol in ("grasp_pressure", "block_pressure"):
         with pytest.raises(InputError, match="object 'ball': 2 grasps; at least 3 are needed to train"):
             glove_recorded.split(several(grasps=2), SETTINGS, protocol, 0)
     with pytest.raises(InputError, match="object 'ball': 2 frames; at least 3 are needed to train"):
@@ -311,22 +336,30 @@ def test_impossible_splits_are_one_sentence():
     assert Counter(three) == {"train": 20, "validation": 20, "test": 20}
 
 
-@pytest.mark.parametrize(("tells", "low", "high"), [(True, 1.0, 1.0), (False, 0.0, 0.7)])
-def test_the_probe_of_joint_angles_is_scored_on_grasps_that_it_has_not_seen(workspace, tells, low, high, monkeypatch):
-    """Angles of a grasp that say which object it is, or nothing: then training knows them by heart, a test cannot."""
+@pytest.mark.parametrize(("angles_tell", "cells_tell"), [(True, False), (False, True), (False, False)])
+def test_the_probe_is_scored_on_grasps_that_it_has_not_seen(workspace, angles_tell, cells_tell, monkeypatch):
+    """Inputs that say which object a grasp is of, or nothing: then training knows them by heart, a test cannot."""
     frames, rng = several(("ball", "mug", "pen"), grasps=20, contact=3), np.random.default_rng(0)
     objects = schemas.names(frames["condition"])
-    units = objects if tells else np.char.add(objects, schemas.names(frames["recording"]))
-    _, place = np.unique(units, return_inverse=True)
-    angles = rng.uniform(-90, 90, (place.max() + 1, JOINTS))[place]
-    column = frames.schema.get_field_index("strain")
-    frames = frames.set_column(column, "strain", schemas.lists(angles, pa.float32())).cast(glove_recorded.SCHEMA)
+    grasps = np.char.add(objects, schemas.names(frames["recording"]))
+
+    def drawn(tells, low, high, width):
+        _, place = np.unique(objects if tells else grasps, return_inverse=True)
+        return rng.uniform(low, high, (place.max() + 1, width))[place]
+
+    columns = {"strain": drawn(angles_tell, -90, 90, JOINTS), "pressure": drawn(cells_tell, 0, 4095, CELLS)}
+    for name, values in columns.items():
+        at = frames.schema.get_field_index(name)
+        frames = frames.set_column(at, name, schemas.lists(values, pa.float32()))
+    frames = frames.cast(glove_recorded.SCHEMA)
     monkeypatch.setattr(joint_angles, "TREES", 20)
     schemas.write(workspace.frames("glove_recorded"), frames.schema, [frames])
-    seen = joint_angles.inputs(angles)
+    seen = joint_angles.inputs(columns["strain"], columns["pressure"])
     found = [row for name in seen for row in joint_angles.named(workspace, SETTINGS, name, 1, lambda: None)]
-    assert [row[:2] for row in found] == [(name, 1) for name in seen]
-    assert all(low <= accuracy <= high for *_, accuracy, _ in found), found
+    assert [row[:3] for row in found] == [(name, split, 1) for name in seen for split in joint_angles.SPLITS]
+    for name, *_, accuracy, _ in found:
+        told = {joint_angles.CELLS_ALONE: cells_tell, joint_angles.BOTH: angles_tell or cells_tell}
+        assert (accuracy == 1) if told.get(name, angles_tell) else (accuracy < 0.7), name
     frames_of_a_grasp = len(glove_recorded.chosen(frames, SETTINGS)) / 60
     assert {row[-1] for row in found} == {3 * 4 * frames_of_a_grasp}  # 4 of the 20 grasps of every object
 

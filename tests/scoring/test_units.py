@@ -94,6 +94,36 @@ def of_persons(blocks: dict[str, list[float]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["variant", "value", "n"])
 
 
+@pytest.mark.parametrize(("experiment", "apart"), [("glove_recorded", True), ("strain_recorded", False)])
+def test_folds_have_units_of_their_own_and_starts_share_theirs(monkeypatch, experiment, apart):
+    """Each half of the grasps is tested by one seed: drawn together they are all grasps, not the mean of two each."""
+    rng, n, metric = np.random.default_rng(0), 240, experiments.facts(experiment).metric
+    names = [np.repeat(["a", "b"], n // 2), np.arange(n).astype(str)]
+    table = {"condition": names[0], "recording": names[1]}
+    table = pa.table(
+        {name: pa.array(value).dictionary_encode() for name, value in table.items()} | {"press": np.arange(n)}
+    )
+    truth = rng.integers(0, 2, n)
+    table = table.append_column("label", pa.array(truth))
+    table = table.append_column("y", schemas.lists(truth[:, None].astype(float), pa.float32()))
+    tested = [np.arange(n) % 2 == 0, np.arange(n) % 2 == (1 if apart else 0)]
+
+    def predicted(_workspace, _experiment, _model, _protocol, seed, _table):
+        right = np.eye(2)[truth] if metric == "accuracy" else truth[:, None] + 1.0
+        wrong = np.eye(2)[1 - truth] if metric == "accuracy" else truth[:, None] + 9.0
+        return np.where(tested[seed][:, None], right if seed == 0 else wrong, np.nan)
+
+    monkeypatch.setattr(units, "read_windows", lambda *_: table)
+    monkeypatch.setattr(units, "read_predictions", predicted)
+    settings = {"models": ["m"], "protocols": {"grasp_combined": {"seeds": [0, 1]}}}
+    rows = pd.DataFrame(units.rows(Workspace(ROOT), experiment, settings, ["grasp_combined"]))
+    rows = rows[rows["condition"] == rows["condition"].iloc[0]]
+    first, second = (set(rows["variant"][rows["seed"] == seed]) for seed in (0, 1))
+    assert first and (first.isdisjoint(second) if apart else first == second)
+    spread = units.drawn(rows, metric).std()
+    assert (spread > 0.02) if apart else (spread == 0), "every start errs alike on every unit, each fold on its own"
+
+
 def test_units_of_persons_are_named_and_stay_within_a_person():
     """Frames of two persons in turn, more of one than there are blocks."""
     unit, person = np.arange(60), np.array(["P02", "P01"] * 25 + ["P02"] * 10)
