@@ -134,7 +134,7 @@ def presses(report: Report, protocol: str) -> list[common.Cloud]:
 def confusions(workspace: Workspace, folder: Path, settings: Mapping, report: Report) -> Parts:
     """Draw what the best network of each dataset takes each object for, and the learning curves."""
     name, (protocols, best) = report.experiment, (main_protocols(settings), {})
-    probe = studies.read(workspace, name, "joint_angles", ["input", "seed", "metric", "value"])
+    probe = studies.read(workspace, name, "joint_angles", ["input", "split", "seed", "metric", "value"])
     for dataset, protocol in protocols.items():
         values = {model: report.estimate(protocol, dataset, model, "accuracy") for model in report.models}
         good = [model for model in (*NETWORKS, "sp_resnet_nogcam") if model in values and not values[model].failed]
@@ -146,7 +146,10 @@ def confusions(workspace: Workspace, folder: Path, settings: Mapping, report: Re
     words = {
         "splits": splits(settings),
         "objects": report.kept["object"].nunique(),
-        "probe": {name: estimate(100 * rows["value"]) for name, rows in probe.groupby("input", sort=False)},
+        "probe": {
+            name: {split: estimate(100 * own["value"]) for split, own in rows.groupby("split", sort=False)}
+            for name, rows in probe.groupby("input", sort=False)
+        },
     }
     speed = {task_name(dataset): (protocol, dataset) for dataset, protocol in protocols.items()}
     return Parts(glove.score_table(report), speed, glove.WRONG, words)

@@ -348,9 +348,12 @@ def glove(workspace, settings: dict, experiment: str = "glove") -> tuple:
     workspace.experiment_folder(experiment).mkdir(parents=True, exist_ok=True)
     if experiment == "glove_recorded":
         rows = [
-            (name, s, "accuracy", "1", v + 0.01 * s, 9) for name, v in (("all", 0.9), ("still", 0.8)) for s in (0, 1)
+            (name, split, s, "accuracy", "1", v + 0.01 * s, 9)
+            for name, v in (("all", 0.9), ("still", 0.8))
+            for split in ("grasp", "block")
+            for s in (0, 1)
         ]
-        header = ["input", "seed", "metric", "unit", "value", "n"]
+        header = ["input", "split", "seed", "metric", "unit", "value", "n"]
         path = shards.study_file(workspace, "glove_recorded", "joint_angles", 0)
         path.parent.mkdir(parents=True, exist_ok=True)
         pd.DataFrame(rows, columns=header).to_csv(path, index=False)
