@@ -1,7 +1,8 @@
 """Describe the readings before a moment by statistics: what extra trees and ridge regression see in place of a series.
 
-The last reading, mean, slope, spread, smallest and largest of every element over a window. The same without the level,
-each less the window's mean, is what a drift of the rest leaves alone.
+The last reading, mean, slope, spread, smallest and largest of every element over a window. Models see them in one of
+three VIEWS: with their level; above the start, less what the recording began with, as a sensor that is zeroed when a
+session starts; or without the level, each less the window's mean, which is what a drift of the rest leaves alone.
 """
 
 from typing import NamedTuple
@@ -15,6 +16,8 @@ from pipeline.sheet.estimates import Estimate
 from pipeline.targets.read import Data
 
 SHORTEST_S, LONGEST_S = 2.0, 10.0
+START_S = 2.0  # at the start of a recording, whose median is what it began with
+LEVEL, ABOVE_START, NO_LEVEL = VIEWS = ("level", "above the start", "without level")
 SILENCE = 0.25  # of a window; a longer silence begins a series anew
 PIECE = 5.0  # windows; so long are the pieces of a series that count as one unit of calibration
 
@@ -30,18 +33,31 @@ class Windows(NamedTuple):
     recording: np.ndarray  # (n,) number of the recording
     unit: np.ndarray  # (n,) number of the press, grasp or piece of a series
     every: int  # so many readings in a row that count have one window
+    start: np.ndarray  # (n, elements) float32: what the recording began with
 
-    def columns(self, level: bool) -> np.ndarray:
-        """Return the statistics as columns (n, features), with the level or without."""
-        return columns(self.x, level)
+    def columns(self, view: str) -> np.ndarray:
+        """Return the statistics as columns (n, features), in one of VIEWS."""
+        return columns(self.x, self.start, view)
 
 
-def columns(found: np.ndarray, level: bool) -> np.ndarray:
-    """Return statistics (n, 6, elements) as columns (n, features), with the level or without."""
-    if level:
+def columns(found: np.ndarray, start: np.ndarray, view: str) -> np.ndarray:
+    """Return statistics (n, 6, elements) as columns (n, features), in one of VIEWS.
+
+    start: (n, elements), or (elements,) of a single recording, see `start`.
+    """
+    if view == LEVEL:
         return found.reshape(len(found), -1)
     last, mean, slope, spread, smallest, largest = np.moveaxis(found, 1, 0)
-    return np.concatenate([last - mean, slope, spread, smallest - mean, largest - mean], axis=1)
+    if view == ABOVE_START:
+        parts = [last - start, mean - start, slope, spread, smallest - start, largest - start]
+    else:
+        parts = [last - mean, slope, spread, smallest - mean, largest - mean]
+    return np.concatenate(parts, axis=1)
+
+
+def start(time: np.ndarray, reading: np.ndarray) -> np.ndarray:
+    """Return what a recording began with, (elements,) float32; time (s): (n,); reading: (n, elements)."""
+    return np.median(reading[time <= time[0] + START_S], axis=0).astype(np.float32)
 
 
 def window_s(creep_1: Estimate | None, creep_10: Estimate | None) -> tuple[float, str]:
@@ -70,7 +86,7 @@ def windows(data: Data, length_s: float, most: int) -> Windows:
     every = -(-total // most) or 1
     names = sorted({name for each in data.series for name in np.unique(each.group)})
     rng = generator(0, "windows")
-    x, truth, group, recording, unit, units = [], [], [], [], [], 0
+    x, truth, group, recording, unit, starts, units = [], [], [], [], [], [], 0
     for number, series in enumerate(data.series):
         counted = np.flatnonzero(series.press >= 0)
         if not len(counted):
@@ -81,6 +97,7 @@ def windows(data: Data, length_s: float, most: int) -> Windows:
         truth.append(series.truth[ends])
         group.append(np.searchsorted(names, series.group[ends]))
         recording.append(np.full(len(ends), number))
+        starts.append(np.tile(start(series.time_s, series.reading), (len(ends), 1)))
         piece = np.zeros(len(ends), int)
         if data.target.kind != "class" and series.press.max() == 0:
             piece = ((series.time_s[ends] - series.time_s[0]) // (PIECE * length_s)).astype(int)
@@ -97,7 +114,7 @@ def windows(data: Data, length_s: float, most: int) -> Windows:
     y = truth[:, None] == np.array(classes) if classes else truth[:, None]
     return Windows(
         np.concatenate(x), y.astype(float), [str(name) for name in classes], np.concatenate(group), names,
-        np.concatenate(recording), np.concatenate(unit), every,
+        np.concatenate(recording), np.concatenate(unit), every, np.concatenate(starts),
     )  # fmt: skip
 
 

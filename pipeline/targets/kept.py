@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pipeline.base import cards, correlation, files, foreign, provenance, ranges
 from pipeline.base.cards import Words
@@ -59,7 +59,7 @@ class Card(BaseModel):
     window_s: Annotated[float, Field(gt=0, le=LONGEST_S)]
     elements: Annotated[int, Field(ge=1, le=MOST_ELEMENTS)]
     model: Words  # the row of the table that all groups chose
-    level: bool  # whether it sees the level, or only what a drift of the rest leaves alone
+    view: Literal["level", "above the start", "without level"]  # of the statistics, features.VIEWS
     classes: list[Words]  # in the order of the scores; [] of numbers
     bound: Annotated[float, Field(ge=0)] | None = (
         None  # half width of an interval, or least score of a class in a set; None: cannot tell
@@ -80,6 +80,15 @@ class Card(BaseModel):
     )
     logs: list[Log] | None = None  # None: nobody knows which logs it was fitted to
     tests: dict[Words, dict[Words, float]] = {}  # test -> metric -> value, by the model that the other groups chose
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_version_0_2(cls, given: Any) -> Any:
+        """Read `level`, true or false, which cards had in place of `view`."""
+        if not isinstance(given, dict) or not isinstance(given.get("level"), bool) or "view" in given:
+            return given
+        view = features.LEVEL if given["level"] else features.NO_LEVEL
+        return {name: value for name, value in given.items() if name != "level"} | {"view": view}
 
 
 class Kept(NamedTuple):
@@ -109,7 +118,7 @@ def write(folder: Path, final: Final, windows: Windows, scores: Mapping[str, flo
         version=provenance.version(),
         elements=windows.x.shape[2],
         model=final.row.name,
-        level=final.row.level,
+        view=final.row.view,
         classes=windows.classes,
         bound=final.bound if told else None,
         units=final.units,
@@ -160,7 +169,8 @@ def load(folder: Path) -> Kept:
     outputs = max(1, len(card.classes))
     estimator = estimators.read(folder, TRUSTED)
     with foreign.reading(folder / estimators.ESTIMATOR_FILE, f"a model of {CARD}", AGAIN):
-        nothing = features.columns(np.zeros((1, KINDS, card.elements), np.float32), card.level)
+        zeros = np.zeros((1, KINDS, card.elements), np.float32)
+        nothing = features.columns(zeros, zeros[:, 0], card.view)
         estimators.check_prediction(lambda x: models.predicted(estimator, x, outputs), nothing, outputs)
     return Kept(card, estimator)
 
@@ -213,11 +223,11 @@ def predict(kept: Kept, log: Readings) -> Predicted:
             f"{log.reading.shape[1]} readings a line, but the model of {card.sensor} takes {card.elements}"
         )
     some = max(1, SOME_VALUES // (6 * card.elements))
-    parts = []
+    parts, start = [], features.start(log.time_s, log.reading) if n else None
     for first in range(0, n, some):
         ends = np.arange(first, min(first + some, n))
         found = features.statistics(log.time_s, log.segment, log.reading, ends, card.window_s)
-        x = features.columns(found, card.level)
+        x = features.columns(found, start, card.view)
         parts.append(models.predicted(kept.estimator, x, max(1, len(card.classes))))
     guess, outside = np.concatenate(parts), _outside(log, card, unmeasured_rows(log))
     if card.classes:

@@ -16,6 +16,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from pipeline.learning.window_statistics import PENALTIES
+from pipeline.targets.features import LEVEL, VIEWS
 
 COMPONENTS = 200  # of more columns, ridge sees the principal components; a matrix of 500 cells has 3,000
 LEAST = 1e-9  # score of a class, so that a sum is never 0
@@ -28,7 +29,7 @@ class Row(NamedTuple):
     """A row of the table."""
 
     name: str
-    level: bool  # whether it sees the level, or only what a drift of the rest leaves alone
+    view: str  # of the statistics, one of features.VIEWS
     fit: Callable[[np.ndarray, np.ndarray], Fitted]  # of x (n, features) and y (n, outputs)
 
 
@@ -40,13 +41,9 @@ def rows(kind: str, trees: int) -> list[Row]:
             return [ExtraTreesClassifier(trees, random_state=0).fit(x, y.argmax(axis=1))]
         return [ExtraTreesRegressor(trees, min_samples_leaf=LEAF, random_state=0).fit(x, y.ravel())]
 
-    return [
-        Row("constant", True, constant),
-        Row("ridge", True, ridge),
-        Row("ridge without level", False, ridge),
-        Row("extra trees", True, forest),
-        Row("extra trees without level", False, forest),
-    ]
+    fits = {"ridge": ridge, "extra trees": forest}
+    seen = [Row(name if view == LEVEL else f"{name} {view}", view, fit) for name, fit in fits.items() for view in VIEWS]
+    return [Row("constant", LEVEL, constant), *seen]
 
 
 def constant(x: np.ndarray, y: np.ndarray) -> Fitted:

@@ -47,7 +47,7 @@ def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> 
         guesses, held_out = {}, {}
         for row in rows:
             estimator, held_out[row.name] = fitted(row, windows, trains, inner, kind)
-            x = windows.columns(row.level)[test]
+            x = windows.columns(row.view)[test]
             guesses[row.name] = models.predicted(estimator, x, windows.y.shape[1])
             del estimator  # before the next one comes, see `fitted`
         best = max(guesses, key=lambda row: headline(kind, windows.y[trains], held_out[row]))
@@ -162,7 +162,7 @@ def fitted(row: Row, windows: Windows, trains: np.ndarray, inner: np.ndarray, ki
 
     Also what these models of the other parts predict, (m, outputs).
     """
-    x, y, held_out = windows.columns(row.level)[trains], windows.y[trains], None
+    x, y, held_out = windows.columns(row.view)[trains], windows.y[trains], None
     for part in np.unique(inner):
         here = inner == part
         # The models are gone before the next ones come: a forest of 200 classes takes gigabytes.

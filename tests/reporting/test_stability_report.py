@@ -9,6 +9,7 @@ import pytest
 from builders import stress_rows
 from builders.project import ROOT, run_stage
 
+from pipeline import experiments
 from pipeline.base import params
 from pipeline.reporting import stability
 from pipeline.reporting.figures import stability as figures
@@ -145,7 +146,8 @@ def test_below_a_table_stands_what_its_intervals_are_over(experiment, starts, wo
     rows = stress_rows.by_blocks(experiment, place, losses, tests, range(starts))
     stress_rows.keep(workspace, f"{experiment}-0-full", rows)
     text = render()
-    runs = "of 1 start" if starts == 1 else "the mean of 3 starts"
+    thing = experiments.facts(experiment).seeds.removesuffix("s")
+    runs = f"of 1 {thing}" if starts == 1 else f"the mean of 3 {thing}s"
     assert f"Intervals are over {over}; each error is {runs}.\n" in text
     (row,) = (line for line in cells(text) if line[0] == "Linear")
     assert all(re.fullmatch(r"[\d.]+ \[[\d.]+, [\d.]+\]", cell) for cell in row[2:]), row
@@ -157,10 +159,12 @@ def test_below_a_table_stands_what_its_intervals_are_over(experiment, starts, wo
     rows.loc[rows["perturbation"] == "jitter", "blocks"] = ""
     stress_rows.keep(workspace, f"{experiment}-0-full", rows)
     words = [labels.perturbation(name)[0] for name in tests]
-    other = f"over {over} under {words[0]}, and over 3 starts under {words[1]}" if starts == 3 else f"over {over}"
+    other = f"over {over} under {words[0]}, and over 3 {thing}s under {words[1]}" if starts == 3 else f"over {over}"
     assert f"Intervals are {other}; each error is {runs}.\n" in (text := render())
     stress_rows.keep(workspace, f"{experiment}-0-full", rows.assign(blocks="").drop(columns="blocks"))
-    said = "There are no intervals, as the errors are of 1 start." if starts == 1 else "Intervals are over 3 starts."
+    said = (
+        f"There are no intervals, as the errors are of 1 {thing}." if starts == 1 else f"Intervals are over 3 {thing}s."
+    )
     assert said in (text := render()) and ("Bands: 95 %" in text) == (starts == 3)
 
 

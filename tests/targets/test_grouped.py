@@ -45,7 +45,7 @@ def test_an_angle_is_told_on_people_who_did_not_train(tmp_path):
     windows, result = results_of(found)
     assert windows.groups == ["anna", "ben", "cleo"]
     assert all(words.startswith("A 90 % interval is off: on held-out persons it held ") for words in result.warnings)
-    assert all(name.endswith("without level") for name in result.chosen.values()), "each person has another rest"
+    assert not any(name in ("ridge", "extra trees") for name in result.chosen.values()), "each person has another rest"
     best, level, floor = (score(result, name, RMSE) for name in (CHOSEN, "extra trees", "constant"))
     assert best.mean < 6 < 10 < level.mean < floor.mean == pytest.approx(32, abs=1)
     assert best.low < best.mean < best.high
@@ -73,7 +73,8 @@ def made_windows(kind, seed=0):
     label = np.digitize(seen, [-0.5, 0.5]) if kind == "class" else (seen > 0.3).astype(int)
     y = seen[:, None] if kind == "continuous" else np.eye(3 if kind == "class" else 2)[label]
     names = {"continuous": [], "class": ["a", "b", "c"], "event": ["none", "slip"]}[kind]
-    return features.Windows(x, y, names, at // 30, ["anna", "ben", "cleo", "dora"], at // 15, at // 2, 1)
+    start = rng.normal(0, 0.3, size=(8, 4)).astype(np.float32)[at // 15]
+    return features.Windows(x, y, names, at // 30, ["anna", "ben", "cleo", "dora"], at // 15, at // 2, 1, start)
 
 
 def all_fitted(windows, kind, monkeypatch):
@@ -83,14 +84,15 @@ def all_fitted(windows, kind, monkeypatch):
     def noted(row, *rest):
         estimator, held_out = fitted(row, *rest)
         penalty = getattr(estimator[-1], "alpha", None) if hasattr(estimator, "steps") else None
-        said = estimator.predict(features.columns(probe, row.level))
+        said = estimator.predict(features.columns(probe, probe[:, 4], row.view))
         found.append((row.name, penalty, np.asarray(said).tolist(), held_out.tolist()))
         return estimator, held_out
 
     with monkeypatch.context() as patch:
         patch.setattr(validate, "fitted", noted)
         tested = validate.test_groups(windows, kind, "", "person", 2)
-    return [found[first : first + 5] for first in range(0, len(found), 5)], tested
+    rows = len(models.rows(kind, 2))
+    return [found[first : first + rows] for first in range(0, len(found), rows)], tested
 
 
 @pytest.mark.parametrize("kind", ["continuous", "class", "event"])
@@ -115,17 +117,17 @@ def test_the_penalty_and_the_interval_of_the_kept_model_are_those_of_parts_left_
     """By hand: ridge regression on three persons says what the fourth is, and the least error of all four counts."""
     windows = made_windows("continuous")
     y, said = windows.y, {}
-    for level, penalty, person in itertools.product((True, False), PENALTIES, range(4)):
-        x, there = windows.columns(level), windows.group == person
+    for view, penalty, person in itertools.product(features.VIEWS, PENALTIES, range(4)):
+        x, there = windows.columns(view), windows.group == person
         mean, spread = x[~there].mean(axis=0), x[~there].std(axis=0)
         design, middle = (x[~there] - mean) / spread, y[~there].mean()
         slope = np.linalg.solve(design.T @ design + penalty * np.eye(x.shape[1]), design.T @ (y[~there] - middle))
-        said.setdefault((level, penalty), np.empty_like(y))[there] = (x[there] - mean) / spread @ slope + middle
-    level, penalty = min(said, key=lambda one: np.square(said[one] - y).mean())
+        said.setdefault((view, penalty), np.empty_like(y))[there] = (x[there] - mean) / spread @ slope + middle
+    view, penalty = min(said, key=lambda one: np.square(said[one] - y).mean())
     assert PENALTIES[0] < penalty < PENALTIES[-1], "neither end, which a fault would choose, too"
     final = validate.final(windows, "continuous", 2)
-    assert final.row.name.startswith("ridge") and final.row.level == level and final.estimator[-1].alpha == penalty
-    wide = validate.calibrated(y, said[level, penalty], windows.unit, "continuous")
+    assert final.row.name.startswith("ridge") and final.row.view == view and final.estimator[-1].alpha == penalty
+    wide = validate.calibrated(y, said[view, penalty], windows.unit, "continuous")
     assert final.bound == pytest.approx(wide, rel=1e-4) and final.units == 60
 
 
@@ -237,10 +239,14 @@ def test_windows_hold_what_their_names_say_and_end_with_their_segment():
         slope = np.polyfit(time[first : end + 1], part, 1)[0] if end > first else np.zeros(3)
         wanted = part[-1], part.mean(axis=0), slope, part.std(axis=0), part.min(axis=0), part.max(axis=0)
         assert row == pytest.approx(np.array(wanted), abs=1e-5)
-    windows = features.Windows(found, *[None] * 7)
-    higher = features.Windows(features.statistics(time, segment, reading + 9, ends, 1.0), *[None] * 7)
-    assert windows.columns(False) == pytest.approx(higher.columns(False), abs=1e-5)
-    assert np.abs(windows.columns(True) - higher.columns(True)).max() == pytest.approx(9, abs=1e-4)
+    again = features.statistics(time, segment, reading + 9, ends, 1.0)
+    starts = [features.start(time, each) for each in (reading, reading + 9)]
+    assert starts[0] == pytest.approx(np.median(reading[:21], axis=0))
+    for view in features.VIEWS:
+        seen, higher = (features.columns(*each, view) for each in zip((found, again), starts, strict=True))
+        assert np.abs(seen - higher).max() == pytest.approx(9 if view == features.LEVEL else 0, abs=1e-4), view
+    above = features.columns(found, starts[0], features.ABOVE_START).reshape(found.shape)
+    assert above[:, 0] == pytest.approx(found[:, 0] - starts[0]) and (above[:, 2:4] == found[:, 2:4]).all()
 
 
 def test_windows_are_drawn_from_all_phases_of_what_repeats():

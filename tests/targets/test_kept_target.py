@@ -52,7 +52,7 @@ def saved(folder, data: Data, experiment: str = "strain") -> kept.Kept:
 def two_rows(monkeypatch):
     """The table of models has two: the mean, and one that errs more, whose interval is another."""
     largest = lambda x, y: [DummyRegressor(strategy="quantile", quantile=1.0).fit(x, y)]  # noqa: E731
-    rows = [Row("constant", True, models.constant), Row("ridge", True, largest)]
+    rows = [Row("constant", "level", models.constant), Row("ridge", "level", largest)]
     monkeypatch.setattr(models, "rows", lambda *given: rows)
 
 
