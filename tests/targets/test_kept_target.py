@@ -7,7 +7,7 @@ from builders.project import ROOT
 from sklearn.dummy import DummyRegressor
 
 from pipeline import experiments
-from pipeline.base import params, provenance
+from pipeline.base import cards, params, provenance
 from pipeline.commands import targets
 from pipeline.settings.targets import Target
 from pipeline.targets import kept, models
@@ -79,6 +79,40 @@ def test_the_interval_of_a_kept_model_is_that_of_people_who_did_not_train(two_ro
     np.testing.assert_allclose(said.high - said.guess[:, 0], half)
     np.testing.assert_allclose(said.guess[:, 0] - said.low, half)
     assert f"angle: 90 % interval, +- {half:.3g} deg" in kept.interval(card)
+
+
+def shifted(offset: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a truth (n,) that is held for 8 s at a time, and readings (n, 2) of it that begin with any offset."""
+    rng = np.random.default_rng(seed)
+    truth = np.repeat(np.concatenate([[0.0], rng.uniform(0, 10, 14)]), 80)
+    return truth, offset + np.outer(truth, [0.1, -0.05]) + rng.normal(0, 0.01, (len(truth), 2))
+
+
+def test_a_sensor_that_each_session_begins_elsewhere_is_read_above_its_start(tmp_path):
+    """Its level is the session's and is held for longer than a window, which loses it with the window's mean."""
+    series = []
+    for number, (person, offset) in enumerate(zip(PEOPLE, (0.0, 3.0, -2.0, 7.0), strict=True)):
+        truth, reading = shifted(offset, number)
+        n = len(truth)
+        each = np.full(n, person), 0.1 * np.arange(n), np.zeros(n, int), reading, truth, np.zeros(n, int)
+        series.append(Series(f"bend/{person}", *each))
+    data = Data(Target(name="angle", kind="continuous", unit="deg", folder=1), "person", series)
+    model = saved(tmp_path, data)
+    assert model.card.view == "above the start" and model.card.model.endswith(" above the start")
+    truth, reading = shifted(11.0, 9)
+    said = kept.predict(model, log(reading))
+    missed = np.abs(said.guess[:, 0] - truth)[80:]
+    assert np.median(missed) < 0.3 and np.percentile(missed, 95) < 3, "and but a moment after each step right"
+    assert model.card.scores["RMSE"] < 1.5
+
+
+@pytest.mark.parametrize(("level", "view"), [(True, "level"), (False, "without level")])
+def test_a_card_of_version_0_2_is_read(two_rows, tmp_path, level, view):
+    saved(tmp_path, recorded(2))
+    path = tmp_path / "model" / kept.CARD
+    earlier = path.read_text().replace('"view": "level"', f'"level": {str(level).lower()}')
+    path.write_text(cards.sealed(earlier, path.name))
+    assert kept.read_card(tmp_path / "model").view == view
 
 
 def test_a_set_of_a_kept_model_is_that_of_people_who_did_not_train(two_rows, tmp_path):
