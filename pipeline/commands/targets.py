@@ -72,13 +72,13 @@ def section(sensor: str, data: Data, sheets: list[Sheet], effort: Effort) -> Sec
     windows = features.windows(data, length_s, most)
     print(f"{sensor}: {data.target.name}, {len(windows.y)} windows, groups: {', '.join(windows.groups)}")
     tested = validate.test_groups(windows, data.target.kind, data.target.unit, data.by, effort.trees)
-    return Section(sensor, data.target, data.by, length_s, reason, windows, tested)
+    return Section(sensor, data.target, data.by, length_s, reason, windows, tested, [each.name for each in data.series])
 
 
 def of_own(
     checkout: Workspace, trained: Path, experiment: str, folder: Path, name: str, asked: Asked, effort: Effort
 ) -> None:
-    """Test the target of a sensor of one's own, and write reports/own/NAME: README.md, scores.csv, sheet.md.
+    """Test the target of a sensor of one's own, and write reports/own/NAME, what it scores and what it said.
 
     The model that all groups choose is kept in the folder trained/target. name: of the sensor, its path in data/own.
     Raises InputError as `read.own`.
@@ -94,6 +94,7 @@ def of_own(
     made = section(name, data, sheets, effort)
     with files.replacing_folder(target) as draft:
         own_target.write(draft, f"`{name}`: {asked.target.name}, your own logs", [made], said)
+        files.write_text(draft / own_target.PREDICTIONS, own_target.predictions(made).to_csv(index=False))
         if sheets:
             sheet.write(draft, "sheet", sheets)
     with files.replacing_folder(trained) as draft:

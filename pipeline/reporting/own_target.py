@@ -1,5 +1,6 @@
-"""Write what the tests of targets of one's own came to: a page of Markdown and a table of scores."""
+"""Write what the tests of targets of one's own came to: a page of Markdown, scores and a picture of each."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -8,6 +9,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import files
+from pipeline.reporting.figures import common
+from pipeline.reporting.figures import targets as figures
 from pipeline.reporting.words import templates
 from pipeline.reporting.words.markdown import interval, literal, number, table
 from pipeline.scoring.results import Estimate
@@ -17,6 +20,7 @@ from pipeline.targets.features import Windows
 from pipeline.targets.validate import CHOSEN, Tested
 
 MOST_CLASSES = 12  # that are named
+PREDICTIONS = "predictions.csv"
 
 
 class Section(NamedTuple):
@@ -29,17 +33,56 @@ class Section(NamedTuple):
     reason: str  # why it is as long
     windows: Windows
     tested: Tested
+    recordings: list[str]  # whose windows these are, by their number
 
 
 def write(folder: Path, title: str, sections: Sequence[Section], sheet: str) -> None:
-    """Write README.md and scores.csv; sheet: a sentence on the data sheet."""
+    """Write README.md, scores.csv and a picture of each target; sheet: a sentence on the data sheet."""
+    pictures = [draw(folder, section) for section in sections]
     page = templates.render(
-        "own_target", title=title, sheet=sheet, sections=[(section, *shown(section)) for section in sections]
+        "own_target",
+        title=title,
+        sheet=sheet,
+        sections=[(one, *shown(one), picture) for one, picture in zip(sections, pictures, strict=True)],
     )
     files.write_text(folder / "README.md", page)
     scores = [one.tested.scores.assign(sensor=one.sensor, target=one.target.name) for one in sections]
     table_of_all = pd.concat(scores)[["sensor", "target", *validate.COLUMNS]]
     files.write_text(folder / "scores.csv", table_of_all.to_csv(index=False))
+
+
+def draw(folder: Path, section: Section) -> str:
+    """Draw what is said of groups that were held out, predicted over true numbers or confusions; return the file."""
+    tested, windows, target = section.tested, section.windows, section.target
+    name = re.sub(r"[^a-z0-9]+", "_", f"{section.sensor} {target.name}".lower()).strip("_") + ".png"
+    if not windows.classes:
+        pairs = ((windows.y[tested.fold == k, 0], tested.guess[tested.fold == k, 0]) for k in range(len(tested.chosen)))
+        title = f"{target.name} on a {section.by} that was held out"
+        figures.agreement(folder / name, title, target.unit, dict(zip(tested.chosen, pairs, strict=True)))
+        return name
+    truth, said = windows.y, tested.guess
+    if votes := target.kind == "class":
+        truth, said = (validate.voted(windows.unit, each) for each in (truth, said))
+    counts = np.zeros((len(windows.classes),) * 2)
+    np.add.at(counts, (truth.argmax(axis=1), said.argmax(axis=1)), 1)
+    title, items = f"{target.name} on a {section.by} that was held out", "votes" if votes else "windows"
+    common.confusion_matrix(folder / name, counts, windows.classes, title, target.name, items)
+    return name
+
+
+def predictions(section: Section) -> pd.DataFrame:
+    """Return what the model that the other groups chose says of each window of a group that it has not seen."""
+    tested, windows = section.tested, section.windows
+    place = {
+        "test": np.array(list(tested.chosen))[tested.fold],
+        "recording": np.array(section.recordings)[windows.recording],
+        "t_s": windows.time_s,
+    }
+    if not windows.classes:
+        return pd.DataFrame(place | {"true": windows.y[:, 0], "predicted": tested.guess[:, 0]})
+    names, best = np.array(windows.classes), tested.guess.argmax(axis=1)
+    score = np.take_along_axis(tested.guess, best[:, None], axis=1)[:, 0]
+    return pd.DataFrame(place | {"true": names[windows.y.argmax(axis=1)], "predicted": names[best], "score": score})
 
 
 def shown(section: Section) -> tuple[str, str, str, str]:

@@ -34,6 +34,7 @@ class Windows(NamedTuple):
     unit: np.ndarray  # (n,) number of the press, grasp or piece of a series
     every: int  # so many readings in a row that count have one window
     start: np.ndarray  # (n, elements) float32: what the recording began with
+    time_s: np.ndarray  # (n,) of the reading that a window ends with
 
     def columns(self, view: str) -> np.ndarray:
         """Return the statistics as columns (n, features), in one of VIEWS."""
@@ -86,7 +87,7 @@ def windows(data: Data, length_s: float, most: int) -> Windows:
     every = -(-total // most) or 1
     names = sorted({name for each in data.series for name in np.unique(each.group)})
     rng = generator(0, "windows")
-    x, truth, group, recording, unit, starts, units = [], [], [], [], [], [], 0
+    x, truth, group, recording, unit, starts, times, units = [], [], [], [], [], [], [], 0
     for number, series in enumerate(data.series):
         counted = np.flatnonzero(series.press >= 0)
         if not len(counted):
@@ -97,6 +98,7 @@ def windows(data: Data, length_s: float, most: int) -> Windows:
         truth.append(series.truth[ends])
         group.append(np.searchsorted(names, series.group[ends]))
         recording.append(np.full(len(ends), number))
+        times.append(series.time_s[ends])
         starts.append(np.tile(start(series.time_s, series.reading), (len(ends), 1)))
         piece = np.zeros(len(ends), int)
         if data.target.kind != "class" and series.press.max() == 0:
@@ -114,7 +116,7 @@ def windows(data: Data, length_s: float, most: int) -> Windows:
     y = truth[:, None] == np.array(classes) if classes else truth[:, None]
     return Windows(
         np.concatenate(x), y.astype(float), [str(name) for name in classes], np.concatenate(group), names,
-        np.concatenate(recording), np.concatenate(unit), every, np.concatenate(starts),
+        np.concatenate(recording), np.concatenate(unit), every, np.concatenate(starts), np.concatenate(times),
     )  # fmt: skip
 
 

@@ -34,11 +34,13 @@ class Tested(NamedTuple):
     chosen: dict[str, str]  # test -> the row that the other groups chose
     warnings: list[str]
     groups: int  # that are apart from each other; tests within one group tell nothing of others
+    fold: np.ndarray  # (n,) number of the test that held a window out, in the order of `chosen`
+    guess: np.ndarray  # (n, outputs) of windows by the model that the other groups chose
 
 
 def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> Tested:
     """Test every group; kind, unit: of the target; by: what a group is; trees: of a forest."""
-    rows, scores, chosen = models.rows(kind, trees), [], {}
+    rows, scores, chosen, said = models.rows(kind, trees), [], {}, np.empty_like(windows.y)
     fold, names, warnings = tests(windows, by)
     for number, name in enumerate(names):
         trains, test = np.flatnonzero(fold != number), np.flatnonzero(fold == number)
@@ -51,7 +53,7 @@ def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> 
             guesses[row.name] = models.predicted(estimator, x, windows.y.shape[1])
             del estimator  # before the next one comes, see `fitted`
         best = max(guesses, key=lambda row: headline(kind, windows.y[trains], held_out[row]))
-        chosen[name] = best
+        chosen[name], said[test] = best, guesses[best]
         for row, guess in (*guesses.items(), (CHOSEN, guesses[best])):
             scores += [(name, row, *score) for score in scored(windows, test, guess, kind, unit)]
         of_intervals = covered(windows, trains, held_out[best], test, guesses[best], kind, unit)
@@ -64,7 +66,7 @@ def test_groups(windows: Windows, kind: str, unit: str, by: str, trees: int) -> 
         warnings.append(f"A 90 % {what} is off: {words}.")
     if len(coverage) and (words := within(groups - 1, by, what)):  # the group that is tested calibrates nothing
         warnings.append(f"In each test, a 90 % {what} is calibrated {words}.")
-    return Tested(found, chosen, list(dict.fromkeys(warnings)), groups)
+    return Tested(found, chosen, list(dict.fromkeys(warnings)), groups, fold, said)
 
 
 def held(coverage: Mapping[str, float], by: str) -> str:

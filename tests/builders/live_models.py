@@ -200,7 +200,7 @@ def target(folder: Path, classes: tuple[str, ...] = ()) -> Path:
     x = rng.uniform(0, 1000, (60, KINDS_OF_STATISTICS, ROWS * COLS)).astype(np.float32)
     y = np.eye(len(classes))[np.arange(60) % len(classes)] if classes else x[:, 0, :1] / 10
     number = np.arange(60) % 3
-    windows = Windows(x, y, list(classes), number, ["a", "b", "c"], number, number, 1, x[:, 1])
+    windows = Windows(x, y, list(classes), number, ["a", "b", "c"], number, number, 1, x[:, 1], 0.1 * number)
     kind = "class" if classes else "continuous"
     row = next(row for row in target_models.rows(kind, 3) if row.name == "extra trees")
     (estimator,) = row.fit(windows.columns(row.view), y)

@@ -13,6 +13,7 @@ from pipeline import experiments
 from pipeline.base import cards, processes
 from pipeline.commands import targets
 from pipeline.commands.targets import Effort
+from pipeline.reporting import own_target
 
 
 def test_a_target_is_checked_and_tested_without_any_other_log(workspace, called, monkeypatch):
@@ -29,6 +30,11 @@ def test_a_target_is_checked_and_tested_without_any_other_log(workspace, called,
     row = next(line for line in page.splitlines() if line.startswith("| chosen on the other groups"))
     errors = scores[(scores["model"] == "chosen on the other groups") & (scores["metric"] == "RMSE")]["value"]
     assert f"{gmean(errors):.2f} [" in row
+    said = pd.read_csv(report / "predictions.csv")
+    assert len(said) == 198 and said["recording"].nunique() == 6
+    missed = np.sqrt(np.square(said["true"] - said["predicted"]).groupby(said["test"]).mean())
+    assert missed.tolist() == pytest.approx(errors.tolist()), "predictions are those of groups that were held out"
+    assert "(joint_angle.png)" in page and (report / "joint_angle.png").stat().st_size > 10_000
 
 
 def test_the_first_thing_to_fix_is_said(workspace, called):
@@ -94,6 +100,25 @@ def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, ca
         file.write(b"0")
     with pytest.raises(SystemExit, match="is not the file that target.json describes; train it again"):
         called("predict", model, logs)
+
+
+def test_confusions_of_a_class_are_of_held_out_groups(workspace, called, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        own_target.common, "confusion_matrix", lambda path, counts, *words: drawn.append((counts, words))
+    )
+    trained(called, monkeypatch, workspace, free_targets.objects(workspace.root / "data" / "own" / "mat"))
+    report = workspace.reports / "own" / "mat"
+    said, scores = pd.read_csv(report / "predictions.csv"), pd.read_csv(report / "scores.csv")
+    chosen = scores[scores["model"] == "chosen on the other groups"].set_index(["test", "metric"])
+    right = (said["true"] == said["predicted"]).groupby(said["test"], sort=False).mean()
+    for test, share in right.items():
+        assert share == pytest.approx(chosen.loc[(test, "right windows"), "value"])
+    ((counts, (classes, title, what, items)),) = drawn
+    assert classes == sorted(said["true"].unique()) and (what, items) == ("object", "votes")
+    assert counts.sum() == said["recording"].nunique() and "that was held out" in title
+    votes = chosen.xs("right votes", level="metric")
+    assert np.trace(counts) == pytest.approx((votes["value"] * votes["n"]).sum())
 
 
 def test_the_model_of_a_class_names_sets(workspace, called, tmp_path, monkeypatch):

@@ -74,7 +74,9 @@ def made_windows(kind, seed=0):
     y = seen[:, None] if kind == "continuous" else np.eye(3 if kind == "class" else 2)[label]
     names = {"continuous": [], "class": ["a", "b", "c"], "event": ["none", "slip"]}[kind]
     start = rng.normal(0, 0.3, size=(8, 4)).astype(np.float32)[at // 15]
-    return features.Windows(x, y, names, at // 30, ["anna", "ben", "cleo", "dora"], at // 15, at // 2, 1, start)
+    return features.Windows(
+        x, y, names, at // 30, ["anna", "ben", "cleo", "dora"], at // 15, at // 2, 1, start, 0.1 * at
+    )
 
 
 def all_fitted(windows, kind, monkeypatch):

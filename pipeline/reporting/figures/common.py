@@ -340,13 +340,15 @@ def _below(values: np.ndarray, truth: np.ndarray | None, of: Maps) -> str:
     return f"{', '.join(said)} {of.unit}" if said else ""
 
 
-def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], title: str) -> None:
+def confusion_matrix(
+    path: Path, counts: np.ndarray, objects: Sequence[str], title: str, what: str = "object", items: str = "images"
+) -> None:
     """Draw how often an object (row) is given each name (column), in percent of its images.
 
-    counts: (classes, classes) images; cells from LEAST_PERCENT are labelled.
+    counts: (classes, classes) images; cells from LEAST_PERCENT are labelled. what, items: words for both.
     """
-    images = counts.sum(axis=1, keepdims=True)
-    percent = 100 * np.divide(counts, images, out=np.zeros(counts.shape), where=images > 0)
+    total = counts.sum(axis=1, keepdims=True)
+    percent = 100 * np.divide(counts, total, out=np.zeros(counts.shape), where=total > 0)
     names = [style.literal(name.replace("_", " ")) for name in objects]
     side = (0.4 if len(names) <= 20 else 0.335) * len(names)
     figure, ax = plt.subplots(figsize=(side + 2, side + 1.6))
@@ -362,6 +364,7 @@ def confusion_matrix(path: Path, counts: np.ndarray, objects: Sequence[str], tit
     ax.grid(False)
     ax.grid(which="minor")
     ax.tick_params(which="minor", length=0)
-    ax.set(xlabel="Name given by the model", ylabel="Object", title=style.literal(title))
-    figure.colorbar(picture, ax=ax, label="Share of the object's images (%)", shrink=0.6, aspect=30, pad=0.02)
+    ax.set(xlabel="Name given by the model", ylabel=style.literal(what.capitalize()), title=style.literal(title))
+    of = style.literal(f"Share of the {what}'s {items} (%)")
+    figure.colorbar(picture, ax=ax, label=of, shrink=0.6, aspect=30, pad=0.02)
     style.save(figure, path)
