@@ -40,6 +40,7 @@ TRIED = 50  # lines on which a pattern of times is tried
 DATES = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y")
 CLOCKS = ("%I:%M:%S.%f %p", "%I:%M:%S %p", "%H:%M:%S.%f", "%H:%M:%S,%f", "%H:%M:%S")
 PATTERNS = (*(f"{date}{gap}{clock}" for clock in CLOCKS for date in DATES for gap in " T,;\t"), *CLOCKS)
+CLOCK = r"[0-9]:[0-9]{1,2}:[0-9]"  # in the times of every pattern
 CHECKSUM = r"\*[0-9A-Fa-f]{2}$"
 SEPARATORS = (",", ";", "\t", "|", " ")
 TIME = re.compile(r"time|stamp|millis|micros|^t(_|$)|^ts$|^sec", re.IGNORECASE)
@@ -140,9 +141,8 @@ def numbers_a_line(path: Path) -> int:
     """Return how many numbers most lines of a log have, whatever is between them; 0 where none has two."""
     with path.open("rb") as file:
         lines = file.read(START).decode("utf-8", "replace").splitlines()[:LINES]
-    stamp = next((layout.expression(one) for one in PATTERNS if _is_time(one, [line for line in lines if line])), None)
-    if stamp is not None:
-        lines = [re.sub(stamp, "0 ", line, count=1) for line in lines]  # one number
+    if pattern := next(_patterns([line for line in lines if line]), None):
+        lines = [re.sub(layout.expression(pattern), "0 ", line, count=1) for line in lines]  # one number
     counts = Counter(len(layout.NUMBERS["."].findall(line)) for line in lines)
     often = [(count, width) for width, count in counts.items() if width > 1]
     return max(often)[1] if often else 0
@@ -216,8 +216,7 @@ def _laid_out(lines: list[str], fmt: Format, path: Path) -> Proposal | None:
     if _in_most(CHECKSUM, filled):
         common["strip"] = [CHECKSUM]
         lines, filled = ([re.sub(CHECKSUM, "", line) for line in some] for some in (lines, filled))
-    patterns = [pattern for pattern in PATTERNS if _is_time(pattern, filled)]
-    if patterns:
+    if patterns := list(_patterns(filled)):
         ways = (_stamped(lines, fmt, common, _by_day(pattern, path)) for pattern in patterns)
         return next(filter(None, ways), None)  # of 12:00:00,512 the end is a fraction or a reading
     return _of_rows(lines, fmt, common, timed=True) or _of_frames(lines, fmt, common)
@@ -249,6 +248,12 @@ def _without_field(above: list[str], line: str, span: tuple[int, int]) -> list[s
     place = line[: span[0]].count(separator)
     split = [one.split(separator) for one in above]
     return [separator.join(fields[:place] + fields[place + 1 :]) for fields in split]
+
+
+def _patterns(lines: Sequence[str]) -> Iterator[str]:
+    """Yield the patterns of times that most lines have, see `_is_time`."""
+    if _in_most(CLOCK, lines[-TRIED:]):
+        yield from (pattern for pattern in PATTERNS if _is_time(pattern, lines))
 
 
 def _is_time(pattern: str, lines: Sequence[str]) -> bool:
@@ -311,31 +316,35 @@ def _tables(lines: Sequence[str], least: int) -> Iterator[_Table]:
         for decimal in ".,":
             if decimal == "," and separator == layout.TEXT:  # 12,13 would be one number
                 continue
+            if (least > 1 and not _divides(separator, lines)) or (decimal == "," and not _divides(decimal, lines)):
+                continue
             if decimal == "," == separator and not _in_pairs(lines):
                 continue
             bare = [line.strip(blanks) for line in lines]
             split = [layout.numbers(line, separator, decimal) if line else [] for line in bare]
-            widths = Counter(len(fields) for fields in split if sum(map(layout.is_number, fields)) >= min(least, 2))
+            is_number = [list(map(layout.is_number, fields)) for fields in split]
+            widths = Counter(len(row) for row in is_number if sum(row) >= min(least, 2))
             if not widths:
                 continue
             width, _ = widths.most_common(1)[0]
-            rows = [(k, fields) for k, fields in enumerate(split) if len(fields) == width]
-            is_number = np.array([list(map(layout.is_number, fields)) for _, fields in rows])
-            known = is_number | np.array([list(map(layout.is_missing, fields)) for _, fields in rows])
-            numeric = [c for c in range(width) if known[:, c].mean() > 0.9 and is_number[:, c].mean() > 0.1]
+            rows = [k for k, fields in enumerate(split) if len(fields) == width]
+            numbers = np.array([is_number[k] for k in rows])
+            known = numbers | np.array([list(map(layout.is_missing, split[k])) for k in rows])
+            numeric = [c for c in range(width) if known[:, c].mean() > 0.9 and numbers[:, c].mean() > 0.1]
             if len(numeric) < least:
                 continue
             good = known[:, numeric].all(axis=1)
-            values = np.array(
-                [
-                    [float(f) if layout.is_number(f) else np.nan for f in fields]
-                    for (_, fields), wanted in zip(rows, good, strict=True)
-                    if wanted
-                ]
-            )
-            first = next(k for (k, _), wanted in zip(rows, good, strict=True) if wanted)
-            texts = split[first]
-            yield _Table(separator, decimal, width, numeric, values, good.sum() / filled, first, texts)
+            values = np.full(numbers.shape, np.nan)
+            values[numbers] = [float(split[rows[k]][c]) for k, c in np.argwhere(numbers)]
+            first = rows[good.argmax()]
+            yield _Table(separator, decimal, width, numeric, values[good], good.sum() / filled, first, split[first])
+
+
+def _divides(mark: str, lines: Sequence[str]) -> bool:
+    """Tell whether a separator or a decimal mark is in any line; TEXT stands for any text, a blank for every kind."""
+    if mark == layout.TEXT:
+        return True
+    return any(len(line.split(None, 1)) > 1 if mark == " " else mark in line for line in lines)
 
 
 def _in_pairs(lines: Sequence[str]) -> bool:

@@ -57,11 +57,11 @@ def order(found: list[Pressed], elements: int) -> list[int]:
     columns, times = [one.column for one in found], Counter(one.column for one in found)
     if silent := sorted(set(range(elements)) - set(columns)):
         several = "" if len(silent) == 1 else "s"
-        twice = [f"column {column} of {count} presses" for column, count in times.items() if count > 1]
+        twice = [f"{count} in column {column}" for column, count in times.items() if count > 1]
         raise InputError(
             f"{len(found)} presses of {elements} elements: no press has its strongest reading in column{several} "
             f"{', '.join(map(str, silent))} (from 0)"
-            + (f", and one has that of more than one ({', '.join(twice)})" if twice else "")
+            + (f", and of others more than one ({', '.join(twice)})" if twice else "")
             + "; press every element once, in turn and all alike, or mend its wire"
         )
     if len(found) > elements:

@@ -215,7 +215,8 @@ def test_command_line(monkeypatch, capsys):
 @pytest.mark.parametrize("name", experiments.having("source"))
 def test_size_is_that_of_the_recordings(name, recordings):
     folder = recordings(name)
-    assert sum((folder / path).stat().st_size for path in sources.files(name)) == experiments.facts(name).source.size
+    files = (folder / one for path in sources.files(name) for one in sources.members(path))
+    assert sum(file.stat().st_size for file in files) == experiments.facts(name).source.size
 
 
 @pytest.fixture
