@@ -1,9 +1,10 @@
 """Predict live: a trained model at work on what a sensor prints now, or on a recorded log as if it were printed now.
 
-MODEL is a folder that `tactile export` made, or EXPERIMENT/MODEL such as touch/lomp_stream (the model that this
-checkout trained, else the pretrained one). A web page of this machine shows readings, predictions and how long they
-take; with --csv or --udp alone there is no page unless --page is given, too. The model's frames are as far apart in
-time as in training, whatever the rate of the device. Lines that cannot be used are counted. Ctrl-C ends it.
+MODEL is a folder that `tactile export` made, EXPERIMENT/MODEL such as touch/lomp_stream (the model that this checkout
+trained, else the pretrained one), or the folder of the model of a target of your own. A web page of this machine shows
+readings, predictions and how long they take; with --csv or --udp alone there is no page unless --page is given, too.
+The model's frames are as far apart in time as in training, whatever the rate of the device. Lines that cannot be used
+are counted. Ctrl-C ends it.
 
 Examples:
 
@@ -22,7 +23,7 @@ import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from pipeline.base import params, processes
+from pipeline.base import cards, params, processes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import record
@@ -67,28 +68,19 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         raise InputError(f"--speed {given.speed:g}: must be more than 0; 2 is twice as fast")
     if given.replay:
         source.check_log(given.replay)
-    from pipeline.inference import intervals, packages, predictor
     from pipeline.live import outputs
     from pipeline.live.session import Session
 
     stop = record.Stop()
-    with tempfile.TemporaryDirectory() as draft:
-        folder, comes_from = packages.locate(
-            workspace, given.model, params.load(workspace.params), Path(draft, "package")
-        )
-        model = predictor.load(folder)
-        if model.as_trained:
-            from pipeline.inference import onnx_export  # here, because the import of torch takes a second
-
-            model = onnx_export.faster(model, Path(draft))
+    model, comes_from = loaded(workspace, given.model)
     processes.torch_on_one_thread()
     card = model.card
-    who = f"{card.experiment}/{card.model}"
+    who = card.title
     say(f"{who}: {comes_from}")
     printed = as_printed(workspace, card, given)
     fmt, laid_out = source.line_format(printed), source.line_layout(printed)
-    say("\n".join(intervals.sentences(card)))
-    order = printed.reading.get("sensor", {}).get("order", [])
+    say("\n".join(model.interval_sentences))
+    order = model.order(printed.reading)
     lines = source.Lines(fmt, str(given.port or given.replay), who, order, laid_out)
     session = Session(model, lines, say)
     places = [outputs.Datagrams(given.udp, card)] if given.udp else []
@@ -128,6 +120,29 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     say(sentence(session))
     if given.replay and lines.count == sum(lines.rejects.values()):
         raise InputError(f"{given.replay}: no line is a reading of {who}, {fmt.shown}; name a log of this sensor")
+
+
+def loaded(workspace: Workspace, name: str):
+    """Return the model that the user calls so, ready to predict reading by reading, and where it comes from.
+
+    Errors as `packages.locate` and `kept.load`.
+    """
+    if Path(name, cards.TARGET).is_file():
+        from pipeline.live.target_stream import Stream
+        from pipeline.targets import kept
+
+        model = kept.load(Path(name))
+        return Stream(model), f"{model.card.model}, of {len(model.card.groups)} groups ({model.card.by})"
+    from pipeline.inference import packages, predictor
+
+    with tempfile.TemporaryDirectory() as draft:
+        folder, comes_from = packages.locate(workspace, name, params.load(workspace.params), Path(draft, "package"))
+        model = predictor.load(folder)
+        if model.as_trained:
+            from pipeline.inference import onnx_export  # here, because the import of torch takes a second
+
+            model = onnx_export.faster(model, Path(draft))
+    return model, comes_from
 
 
 class Recorder:
@@ -231,7 +246,7 @@ def as_printed(workspace: Workspace, card: Card, given: argparse.Namespace) -> C
 
     Raises InputError where these settings are wrong, or of another sensor.
     """
-    beside = Beside(workspace, card.experiment, f"{card.experiment}/{card.model}", card.reading)
+    beside = Beside(workspace, card.experiment, card.title, card.reading)
     reading = card.reading
     if given.settings:
         reading = beside.of_folder(given.settings)

@@ -31,7 +31,7 @@ from pipeline.base import arguments, files, params, processes
 from pipeline.base import cards as base_cards
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.own.beside import Beside, as_trained
+from pipeline.own.beside import Beside
 
 T = TypeVar("T")
 MOST_LINES = 10  # recordings that are printed
@@ -113,7 +113,7 @@ def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
         """Return the predictions of a log as rows, and note what they came to."""
         settings = beside.of_log(path)
         log = read.sensor_log(path, card.experiment, settings)
-        log = log._replace(reading=as_trained(log.reading, settings, card.settings))
+        log = log._replace(reading=read.as_trained(log.reading, settings, card.settings))
         predicted = kept.predict(model, log)
         scored = _scored(name, unscored, kept.scored, path, log, predicted, card)
         summaries.append(kept.summary(name, path, log, predicted, card) | scored)

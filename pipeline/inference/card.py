@@ -1,7 +1,7 @@
 """Describe a saved model beside its weights, so that it can be used without this checkout's settings and data."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -52,6 +52,9 @@ class Inputs(Part):
 
 class Outputs(Part):
     """What one prediction is: values in `unit`; `names` of the outputs where they are no map."""
+
+    best: ClassVar[str] = "object"  # the name of what is likeliest, where outputs are probabilities,
+    set_of_them: ClassVar[str] = "objects"  # and of the set that holds the truth
 
     unit: Literal["kPa", "% contact", "N", "mm", "probability"]
     names: list[Words] | None = None
@@ -140,6 +143,32 @@ class Card(Part):
     )
     source: Words | None = None  # of its logs: simulated, data/own/..., or the public recordings' name; None: not known
     logs: list[Log] | None = None  # None: nobody knows which logs it was trained on
+
+    @property
+    def title(self) -> str:
+        """The model's name for people."""
+        return f"{self.experiment}/{self.model}"
+
+    @property
+    def heading(self) -> str:
+        """What its predictions are, for people."""
+        if self.says == "map":
+            return "Force in N" if self.outputs.touch_kpa is None else "Pressure map"
+        return "Object" if self.says == "classes" else f"Position in {self.outputs.unit}"
+
+    @property
+    def lacks(self) -> str:
+        """Why there is no prediction where there is none, for people."""
+        if self.kind == "images":
+            return "This reading makes no image."
+        return "No prediction yet: the model must see a whole window without a gap."
+
+    @property
+    def says(self) -> Literal["map", "numbers", "classes"]:
+        """What one prediction is."""
+        if self.outputs.names is None:
+            return "map"
+        return "classes" if self.outputs.unit == "probability" else "numbers"
 
     @property
     def output_shape(self) -> tuple[int, ...]:

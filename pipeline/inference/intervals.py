@@ -11,7 +11,7 @@ from pipeline.inference import touches
 from pipeline.inference.card import Bound, Calibration, Card
 from pipeline.scoring import conformal
 
-PEAK, FORCE, OBJECT, SET = "peak_kpa", "force_n", "object", "objects"  # of maps and images; of series, outputs.names
+PEAK, FORCE, OBJECT = "peak_kpa", "force_n", "object"  # of maps and classes; of numbers, outputs.names
 TOUCH, REST, ALWAYS = "touch", "no touch", "always"
 OUTSIDE = "outside_training"
 
@@ -82,8 +82,8 @@ def names(card: Card) -> list[str]:
     known = [] if card.trained_on is None else [OUTSIDE]
     if card.calibration is None:
         return known
-    if card.kind == "images":
-        return [SET, *known]
+    if card.says == "classes":
+        return [card.outputs.set_of_them, *known]
     outputs = card.outputs.names or ([FORCE] if card.outputs.touch_kpa is None else [FORCE, PEAK])
     return [*(name for output in outputs for name in _ends(output)), *known]
 
@@ -104,10 +104,12 @@ def columns(predicted: np.ndarray, outside: np.ndarray, card: Card) -> dict[str,
     known = {} if card.trained_on is None else {OUTSIDE: outside}
     if card.calibration is None:
         return known
-    if card.kind == "images":
+    if card.says == "classes":
         sets = of_objects(predicted, card)
-        return {SET: [None if out else each for each, out in zip(sets, outside, strict=True)]} | known
-    if card.kind == "series":
+        return {
+            card.outputs.set_of_them: [None if out else each for each, out in zip(sets, outside, strict=True)]
+        } | known
+    if card.says == "numbers":
         ends = [
             end for low_high in zip(*(each.T for each in of_series(predicted, card)), strict=True) for end in low_high
         ]

@@ -47,6 +47,18 @@ class Predictor:
         return self._made() if self._made else self.network
 
     @property
+    def interval_sentences(self) -> list[str]:
+        """What the intervals of its predictions are, and where they held too little or much."""
+        return intervals.sentences(self.card)
+
+    def order(self, reading: Mapping[str, Mapping]) -> list[int]:
+        """Return the numbers of the printed values in the order in which `step` takes them; [] where it is the same.
+
+        reading: blocks of settings by which lines are read.
+        """
+        return reading.get("sensor", {}).get("order", [])
+
+    @property
     def as_trained(self) -> bool:
         """Whether the model as it was trained predicts, in torch or scikit-learn."""
         return self._made is None
@@ -115,10 +127,11 @@ class Predictor:
         given = (x,) if previous is None else (x, previous)
         return self.network.predict(*given).reshape(len(x), int(np.prod(self.output_shape)))
 
-    def step(self, reading: np.ndarray, unmeasured: bool = False) -> np.ndarray:
+    def step(self, reading: np.ndarray, unmeasured: bool = False, t_s: float | None = None) -> np.ndarray:
         """Return the prediction for the next reading of one stream, output_shape float32; reading: (columns,).
 
-        unmeasured: as of `outside`. Raises InputError for another number of columns.
+        unmeasured: as of `outside`; t_s: its time, which only the model of a target of one's own needs
+        (targets/stream.py). Raises InputError for another number of columns.
         """
         x = self._checked(np.asarray(reading)[None])
         self._outside.append(unmeasured or ranges.outside(x, self.card.trained_on)[0])
@@ -183,7 +196,7 @@ class Predictor:
         x = readings.reshape(len(readings), -1) if readings.ndim > 1 and len(readings) else readings
         if len(readings) and (x.ndim != 2 or x.shape[1] != columns):
             raise InputError(
-                f"readings of shape {readings.shape}: {self.card.experiment}/{self.card.model} takes (n, {columns}) "
+                f"readings of shape {readings.shape}: {self.card.title} takes (n, {columns}) "
                 f"{self.card.inputs.unit}, {self.card.inputs.order}"
             )
         return x.reshape(-1, columns).astype(np.float32)

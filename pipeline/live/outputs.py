@@ -22,16 +22,17 @@ def fields(prediction: Prediction, card: Card) -> dict:
 
     Of every model t_s, on the device's clock, and latency_ms, from the line to the prediction; of a map force_n, of a
     pressure map also `touches`, a list of {x_mm, y_mm, kpa}; of other models each output by its name, and the likeliest
-    `object`. Behind these the ends of intervals, or the set of objects, as intervals.columns, None: cannot tell; where
-    the card has the ranges of its training also `outside_training`, whether the reading lies outside.
+    `object`, of a target of one's own `predicted`. Behind these the ends of intervals, or the set of objects, as
+    intervals.columns, None: cannot tell; where the card has the ranges of its training also `outside_training`, whether
+    the reading lies outside.
     """
     said = {
         "t_s": round(prediction.reading.t_s, 6),
         "latency_ms": round(1e3 * (prediction.predicted_s - prediction.arrived_s), 3),
     }
     if card.outputs.names:
-        if card.outputs.unit == "probability":
-            said["object"] = card.outputs.names[int(prediction.values.argmax())]
+        if card.says == "classes":
+            said[card.outputs.best] = card.outputs.names[int(prediction.values.argmax())]
         said |= dict(zip(card.outputs.names, np.round(prediction.values.astype(float), 4).tolist(), strict=True))
         return said | _intervals(prediction, card)
     said["force_n"] = round(prediction.force_n, 4)
@@ -49,7 +50,7 @@ def _intervals(prediction: Prediction, card: Card) -> dict[str, float | list[str
     for name, value in said.items():
         if name == intervals.OUTSIDE:
             said[name] = bool(value)
-        elif name != intervals.SET:
+        elif name != card.outputs.set_of_them:
             said[name] = round(float(value), 4) if np.isfinite(value) else None
     return said
 
@@ -87,7 +88,7 @@ class Table:
     def _header(self) -> list[str]:
         names, ends = ["t_s", "latency_ms"], intervals.names(self.card)
         if self.card.outputs.names:
-            likeliest = ["object"] if self.card.outputs.unit == "probability" else []
+            likeliest = [self.card.outputs.best] if self.card.says == "classes" else []
             return [*names, *likeliest, *self.card.outputs.names, *ends]
         if self.card.outputs.touch_kpa is None:
             return [*names, "force_n", *ends]

@@ -198,7 +198,7 @@ function drawBars(picture) {
   if (!picture.known) return;
   picture.values.forEach((value, place) => {
     const row = list.children[place];
-    row.classList.toggle("likeliest", model.names[place] === picture.object);
+    row.classList.toggle("likeliest", model.names[place] === picture[model.best]);
     row.querySelector(".bar span").style.width = `${100 * value}%`;
     row.querySelector(".share").textContent = `${(100 * value).toFixed(0)} %`;
   });
@@ -245,7 +245,7 @@ function take(picture) {
   while (latest[0][0] < now - 1000) latest.shift();
   spans.reading.add(Math.min(...zeroed(picture)), Math.max(...zeroed(picture)));
   spans.prediction.add(0, picture.known ? picture.peak ?? 0 : 0);
-  if (!picture.known || model.kind === "images") return;
+  if (!picture.known || model.says === "classes") return;
   const values = picture.values ?? [picture.force_n, ...(model.truth ? [picture.load_cells_n ?? null] : [])];
   if (!Number.isFinite(values[0])) return;
   if (history.length && picture.t_s < history.at(-1)[0]) history.length = 0; // a new clock
@@ -275,7 +275,7 @@ function paint(picture, words = performance.now() - worded > WORDS_MS) {
   if (!shown) for (const name of ["freeze", "zero"]) element(name).disabled = false;
   shown = picture;
   if (model.touch_kpa !== null) drawMap(picture);
-  else if (model.kind === "images") drawBars(picture);
+  else if (model.says === "classes") drawBars(picture);
   else drawPlot(element("prediction"), 0.6);
   drawReading(picture);
   say(picture);
@@ -308,10 +308,13 @@ function cells(kind, values) {
 // A number, or a dash in the place of one that JSON does not have.
 const fixed = (value, digits) => Number.isFinite(value) ? value.toFixed(digits) : "–";
 
+// The name of an output and its unit, of x_mm x and mm.
+const apart = (output) => output.split(/_(?=[^_]+$)/);
+
 // The interval of an output in words, such as " (1.2 to 3.4)", why there is none, or nothing.
 function between(picture, output, digits) {
   if (picture.outside_training) return " (no interval: outside the training)";
-  const [name, unit] = output.split(/_(?=[^_]+$)/);
+  const [name, unit] = apart(output);
   const [low, high] = [picture[`${name}_low_${unit}`], picture[`${name}_high_${unit}`]];
   return low === undefined || low === null ? "" : ` (${low.toFixed(digits)} to ${high.toFixed(digits)})`;
 }
@@ -329,8 +332,7 @@ function tabulate(rows) {
 function say(picture) {
   const total = element("total");
   if (!picture.known) {
-    total.textContent = model.kind === "images" ?
-      "This reading makes no image." : "No prediction yet: the model must see a whole window without a gap.";
+    total.textContent = model.lacks;
     tabulate([]);
   } else if (model.touch_kpa !== null) {
     tabulate(picture.touches.map((touch, place) =>
@@ -339,15 +341,15 @@ function say(picture) {
     if ("load_cells_n" in picture) total.textContent += `, on the load cells ${fixed(picture.load_cells_n, 1)} N`;
     const peak = between(picture, "peak_kpa", 0);
     if (peak && !picture.outside_training) total.textContent += `; peak ${picture.peak.toFixed(0)} kPa${peak}`;
-  } else if (model.kind === "images") {
-    total.textContent = `Most likely: ${picture.object}`;
+  } else if (model.says === "classes") {
+    total.textContent = `Most likely: ${picture[model.best]}`;
     if (picture.outside_training) total.textContent += "; no set: outside the training";
-    else if (picture.objects) total.textContent += `; the 90 % set: ${picture.objects.join(", ")}`;
+    else if (picture[model.set]) total.textContent += `; the 90 % set: ${picture[model.set].join(", ")}`;
   } else {
     const values = picture.values ?? [picture.force_n];
     const names = model.names ?? ["force_n"];
     tabulate(values.map((value, place) =>
-      [`${names[place].replace(/_\w+$/, "")} (${["line", "dashes", "dots"][place % 3]})`, fixed(value, 2) + between(picture, names[place], 2)]));
+      [`${apart(names[place])[0]} (${["line", "dashes", "dots"][place % 3]})`, fixed(value, 2) + between(picture, names[place], 2)]));
   }
 }
 
@@ -357,10 +359,10 @@ function label(picture) {
     element("prediction").setAttribute("aria-label", `Pressure map: ${picture.touches.map((touch) =>
       `${touch.kpa.toFixed(0)} kPa at ${touch.x_mm.toFixed(0)}, ${touch.y_mm.toFixed(0)} mm`).join("; ") || "no touch"}`);
     element("force").setAttribute("aria-label", `Plot of the force of the last ${HELD_S} s, now ${fixed(picture.force_n, 1)} N`);
-  } else if (picture.known && model.kind !== "images") {
+  } else if (picture.known && model.says !== "classes") {
     const values = picture.values ?? [picture.force_n], names = model.names ?? ["force_n"];
     element("prediction").setAttribute("aria-label", `Plot of the last ${HELD_S} s: ${values.map((value, place) =>
-      `${names[place].replace("_", " in ")} ${fixed(value, 2)}`).join(", ")}`);
+      `${apart(names[place]).join(" in ")} ${fixed(value, 2)}`).join(", ")}`);
   }
   const values = zeroed(picture);
   element("reading").setAttribute("aria-label",
@@ -488,13 +490,12 @@ function listen() {
     if (!model.records) element("recording").textContent = "a replayed log is a file already";
     document.title = `${model.name} live`;
     element("name").textContent = model.name;
-    element("prediction-title").textContent = model.touch_kpa !== null ? "Pressure map" :
-      model.kind === "images" ? "Object" : model.unit === "N" ? "Force in N" : "Position in mm";
-    element("bars").hidden = model.kind !== "images";
-    element("prediction").hidden = model.kind === "images";
-    element("values").hidden = model.kind === "images";
+    element("prediction-title").textContent = model.heading;
+    element("bars").hidden = model.says !== "classes";
+    element("prediction").hidden = model.says === "classes";
+    element("values").hidden = model.says === "classes";
     element("force").hidden = model.touch_kpa === null;
-    element("reading-scale").textContent = `${model.reading.grid[0] * model.reading.grid[1]} values; colours span those of the last ${HELD_S} s`;
+    element("reading-scale").textContent = `${model.reading.values} values; colours span those of the last ${HELD_S} s`;
     element("intervals").textContent = model.intervals.join(". ");
     element("values-title").textContent = model.touch_kpa !== null ? "Touches" : "Values";
     if (model.touch_kpa !== null) {
@@ -503,7 +504,7 @@ function listen() {
         `From the lower left corner; a cross is a touch that is found, a peak of at least ${model.touch_kpa.toFixed(0)} kPa` +
         `${model.truth ? "; a ring is a tip that pressed, by the log of its place" : ""}. Yellow is the highest of the last ${HELD_S} s, rounded up`;
       element("force-scale").textContent = `Force in N: of the map as a line${model.truth ? ", on the load cells as dashes" : ""}`;
-    } else if (model.kind !== "images") {
+    } else if (model.says !== "classes") {
       element("values").tHead.replaceChildren(cells("th", ["output", model.unit]));
     }
     show("waiting", "waiting for lines");
@@ -514,6 +515,7 @@ function listen() {
     arrived = performance.now();
     if (state !== "live") show("live", "live");
   });
+  events.addEventListener("status", (event) => status(JSON.parse(event.data).status)); // no line came since
   events.addEventListener("end", (event) => {
     events.close();
     draw();

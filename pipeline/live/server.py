@@ -39,7 +39,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from pipeline.base.errors import InputError
-from pipeline.inference import intervals
+from pipeline.datasets import images
 from pipeline.inference.card import Card
 from pipeline.live import outputs
 from pipeline.live.session import Prediction, Session
@@ -219,11 +219,11 @@ class Page:
         self._viewers.append(viewer)
         try:
             held = {"viewer": viewer.name, "records": self.recorder is not None, "truth": self.truth is not None}
-            yield event("model", held | description(self.session.card))
+            yield event("model", held | description(self.session.card, self.session.model.interval_sentences))
             while True:
                 newest, behind = self.newest, len(viewer.unsaid) >= AHEAD
                 if newest is not None and newest.number > viewer.sent and not behind:
-                    viewer.sent = newest.number
+                    viewer.sent, viewer.is_told = newest.number, False
                     viewer.unsaid.append(newest.number)
                     truth = self.truth(newest.reading) if self.truth else {}
                     said = picture(newest, self.session.card) | truth | {"status": self._status_now()}
@@ -236,8 +236,11 @@ class Page:
                     return  # a browser that lives connects anew
                 else:
                     with contextlib.suppress(TimeoutError):
-                        async with asyncio.timeout(QUIET_S):
+                        async with asyncio.timeout(QUIET_S if viewer.is_told else STATUS_S):
                             await viewer.ready.wait()
+                    if not (viewer.is_told or viewer.ready.is_set()):  # counts of the picture were STATUS_S old
+                        viewer.is_told = True
+                        yield event("status", {"status": self._status_now(anew=True)})
                     viewer.ready.clear()
         finally:
             self._viewers.remove(viewer)
@@ -266,6 +269,7 @@ class _Viewer:
     def __init__(self):
         self.name, self.ready = secrets.token_hex(), asyncio.Event()
         self.sent, self.heard = 0, time.monotonic()
+        self.is_told = True  # of counts and times as they are, no line having come since
         self.unsaid: deque[int] = deque()
 
     def hear(self, number: int) -> None:
@@ -399,27 +403,39 @@ def percentiles(values: list[float]) -> list[float] | None:
     return np.percentile(values, [50, 95]).round(2).tolist() if values else None
 
 
-def description(card: Card) -> dict:
+def description(card: Card, interval_sentences: list[str]) -> dict:
     """Return what the page has to know of a model before its first prediction."""
     sensor, shapes, grid = card.reading.get("sensor", {}), card.shapes, [1, card.inputs.columns]
     size_mm, least_span = None, 0.0
-    if card.kind == "windows":
+    if card.kind == "windows":  # of a touch array
         grid = [shapes.rows, shapes.cols]
         least_span = 0.1 * card.reading.get("ingest", {}).get("highest_count", 0)  # noise is not to fill the scale
         if card.outputs.touch_kpa is not None:
             size_mm = [sensor["cols"] * sensor["pitch_mm"], sensor["rows"] * sensor["pitch_mm"]]
     elif card.kind == "images":
-        grid = [math.ceil(card.inputs.columns / 27), 27]
+        areas = list(images.areas(card.reading).values())
+        grid = [areas[0].rows, areas[0].cols] if len(areas) == 1 else [math.ceil(card.inputs.columns / 27), 27]
     return {
-        "name": f"{card.experiment}/{card.model}",
+        "name": card.title,
+        "heading": card.heading,
+        "lacks": card.lacks,
+        "says": card.says,
         "kind": card.kind,
         "unit": card.outputs.unit,
         "names": card.outputs.names,
+        "best": card.outputs.best,
+        "set": card.outputs.set_of_them,
         "touch_kpa": card.outputs.touch_kpa,
-        "intervals": intervals.sentences(card),
+        "intervals": interval_sentences,
         "map": [shapes.map_rows, shapes.map_cols],
         "size_mm": size_mm,
-        "reading": {"grid": grid, "unit": card.inputs.unit, "order": card.inputs.order, "least_span": least_span},
+        "reading": {
+            "values": card.inputs.columns,
+            "grid": grid,
+            "unit": card.inputs.unit,
+            "order": card.inputs.order,
+            "least_span": least_span,
+        },
         "viridis": encoded(np.array(colormaps["viridis"].colors) * 255),
     }
 
@@ -434,7 +450,7 @@ def picture(prediction: Prediction, card: Card) -> dict:
     }
     if not said["known"]:
         return said
-    if card.kind == "windows":
+    if card.says == "map":
         peak = max(float(prediction.values.max()), 1e-6)
         said |= {"peak": peak, "map": encoded(np.clip(prediction.values / peak, 0, 1) * 255)}
     else:

@@ -91,7 +91,7 @@ class Session:
         starts anew, since windows of training span no gap.
         """
         lost = packets.missing_before(self._rate, self._last.t_s, reading.t_s)
-        if self.card.kind == "windows":
+        if self.card.says == "map":
             if reading.restarted or lost > timing.most_filled(self._every * self._frame_step):
                 self.model.reset(self._frame_step)
                 self._turn = lost = 0
@@ -101,7 +101,7 @@ class Session:
         self._last = reading
         if not self._is_predicted():
             return None
-        values, of_map, force_n = self._evaluated(reading.values, self._is_unmeasured(reading))
+        values, of_map, force_n = self._evaluated(reading.values, self._is_unmeasured(reading), reading.t_s)
         self.count += 1
         outside = self.model.stepped_outside
         return Prediction(self.count, reading, values, of_map, force_n, arrived_s, time.monotonic(), outside)
@@ -143,11 +143,11 @@ class Session:
         self._stuck = {each.channel: each.value for each in found.stuck if each.stop == len(times)}
 
     def _evaluated(
-        self, reading: np.ndarray, none: bool = False
+        self, reading: np.ndarray, none: bool = False, t_s: float | None = None
     ) -> tuple[np.ndarray, list[touches.Touch], float | None]:
-        """Return (values, touches, force in N) of the next reading; none: it is no measurement."""
-        values = self.model.step(reading, none)
-        if self.card.kind != "windows":
+        """Return (values, touches, force in N) of the next reading, of time t_s; none: it is no measurement."""
+        values = self.model.step(reading, none, t_s)
+        if self.card.says != "map":
             return values, [], None
         if self.card.outputs.touch_kpa is None:
             return values, [], float(values.sum())

@@ -36,8 +36,7 @@ def line_format(card: Card) -> Format:
     fmt = sensor_format(card.experiment, card.reading)
     if fmt is None:
         raise InputError(
-            f"{card.experiment}/{card.model}: is of recordings that are no log of lines; take a model of touch, strain "
-            "or glove"
+            f"{card.title}: is of recordings that are no log of lines; take a model of touch, strain or glove"
         )
     return fmt
 

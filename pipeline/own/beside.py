@@ -8,8 +8,6 @@ an error.
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
-
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images
@@ -112,15 +110,6 @@ class Beside:
                 f"{where}: touch.sensor.order names {len(order)} columns; it has to name each of 0 to {elements - 1} "
                 "once, in the order of the elements, or none ([])"
             )
-
-
-def as_trained(readings: np.ndarray, here: Mapping, trained: Mapping) -> np.ndarray:
-    """Return readings (n, columns) as printed, in the order of the columns of the logs of a model's training.
-
-    For models that take columns as they are printed. here, trained: the blocks by which the logs are read.
-    """
-    orders = [_value(reading, ORDER) or list(range(readings.shape[1])) for reading in (here, trained)]
-    return readings[:, np.array(orders[0])[np.argsort(orders[1])]]
 
 
 def _value(reading: Mapping, dotted: str):

@@ -96,6 +96,15 @@ class Readings(NamedTuple):
     rejects: pa.Table  # lines that cannot be used, with their reasons
 
 
+def as_trained(readings: np.ndarray, here: Mapping, trained: Mapping) -> np.ndarray:
+    """Return readings (n, columns) as printed, in the order of the columns of the logs of a model's training.
+
+    For models that take columns as they are printed. here, trained: the blocks by which the logs are read.
+    """
+    orders = [reading["sensor"].get("order") or list(range(readings.shape[1])) for reading in (here, trained)]
+    return readings[:, np.array(orders[0])[np.argsort(orders[1])]]
+
+
 def sensor_log(path: Path, experiment: str, settings: Mapping) -> Readings:
     """Return the readings of a sensor's log; errors as `parse.read_log`."""
     fmt, name = sensor_format(experiment, settings), log_name(experiment)

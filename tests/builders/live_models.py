@@ -194,7 +194,7 @@ def printed(
     return b"".join(",".join(map(str, [t_us, *values])).encode() + b"\n" for t_us, values in rows)
 
 
-def target(folder: Path, classes: tuple[str, ...] = ()) -> Path:
+def target(folder: Path, classes: tuple[str, ...] = (), model: str = "extra trees") -> Path:
     """Save the model of a target of one's own, on the array of `linear`: an angle, or one of some classes."""
     rng = np.random.default_rng(0)
     x = rng.uniform(0, 1000, (60, KINDS_OF_STATISTICS, ROWS * COLS)).astype(np.float32)
@@ -202,7 +202,7 @@ def target(folder: Path, classes: tuple[str, ...] = ()) -> Path:
     number = np.arange(60) % 3
     windows = Windows(x, y, list(classes), number, ["a", "b", "c"], number, number, 1, x[:, 1], 0.1 * number)
     kind = "class" if classes else "continuous"
-    row = next(row for row in target_models.rows(kind, 3) if row.name == "extra trees")
+    row = next(row for row in target_models.rows(kind, 3) if row.name == model)
     (estimator,) = row.fit(windows.columns(row.view), y)
     known = {"name": "object", "kind": kind, "folder": 1} | ({} if classes else {"name": "angle", "unit": "deg"})
     folder.mkdir(parents=True, exist_ok=True)

@@ -16,8 +16,8 @@ from builders.project import ROOT
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
-from pipeline.own import beside
 from pipeline.own.beside import Beside
+from pipeline.targets import read
 
 MODEL = ROOT / "pretrained" / "touch" / "lomp_stream"
 SAMPLE = ROOT / "data" / "sample" / "double" / "two_touches"
@@ -273,11 +273,11 @@ def test_columns_come_in_the_order_of_the_training():
     rng = np.random.default_rng(0)
     array, there, here = rng.normal(size=(5, 25)), rng.permutation(25), rng.permutation(25)
     readings = [{"sensor": {"order": order_of(order)}} for order in (here, there)]
-    assert np.array_equal(beside.as_trained(array[:, here], *readings), array[:, there])
+    assert np.array_equal(read.as_trained(array[:, here], *readings), array[:, there])
     without = {"sensor": {}}
-    assert np.array_equal(beside.as_trained(array[:, here], readings[0], without), array)
-    assert np.array_equal(beside.as_trained(array, without, readings[1]), array[:, there])
-    assert np.array_equal(beside.as_trained(array, without, without), array)
+    assert np.array_equal(read.as_trained(array[:, here], readings[0], without), array)
+    assert np.array_equal(read.as_trained(array, without, readings[1]), array[:, there])
+    assert np.array_equal(read.as_trained(array, without, without), array)
 
 
 def test_a_target_reads_logs_as_the_settings_beside_them_say(workspace, called, tmp_path):

@@ -1,5 +1,6 @@
 """`tactile check` and `tactile try` of a sensor that has a target of its own."""
 
+import io
 import json
 
 import numpy as np
@@ -93,9 +94,14 @@ def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, ca
     fast.write_text("".join(f"{float(at) / 2:.2f},{rest}\n" for at, _, rest in rows))
     said = called("predict", model, fast, "--out", tmp_path / "out")
     assert "the log has 20 readings a second by its times, the model's training 10: expect larger errors" in said
-    for command in (["live", model, "--replay", logs / "dora_0" / "daq.log"], ["export", model, tmp_path / "exported"]):
-        with pytest.raises(SystemExit, match="only `tactile predict MODEL LOGS` takes the model of a target"):
-            called(*command)
+    live = pd.read_csv(
+        io.StringIO(called("live", model, "--replay", logs / "dora_0" / "daq.log", "--speed", 1000, "--csv"))
+    )
+    assert live["t_s"].tolist() == pytest.approx(one["t_s"].tolist())
+    for here, there in (("angle_deg", "predicted"), ("angle_low_deg", "low"), ("angle_high_deg", "high")):
+        assert live[here].tolist() == pytest.approx(one[there].tolist(), abs=1e-3)
+    with pytest.raises(SystemExit, match="only `tactile predict` and `tactile live` take the model of a target"):
+        called("export", model, tmp_path / "exported")
     with open(model / "estimator.skops", "ab") as file:
         file.write(b"0")
     with pytest.raises(SystemExit, match="is not the file that target.json describes; train it again"):

@@ -7,16 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from builders.devices import until
-from builders.live_models import map_over, press, printed
+from builders.live_models import map_over, press, printed, target
 from builders.project import ROOT
 from PIL import Image
 
 from pipeline.commands.live import Recorder
 from pipeline.inference import card as cards
 from pipeline.inference import predictor
-from pipeline.live import server, truth
+from pipeline.live import server, target_stream, truth
 from pipeline.live.session import Session
 from pipeline.live.source import Lines, line_format
+from pipeline.targets import kept
 
 pytestmark = pytest.mark.slow
 PRESSED = "document.getElementById('{}').getAttribute('aria-pressed') === 'true'"
@@ -54,8 +55,8 @@ WATCH = """(() => {
 class Shown:
     """A page in a browser, and the session behind it, which is given lines."""
 
-    def __init__(self, package, tab, kind: str = "linear", recorder=None, known=None):
-        model = predictor.load(package(kind) if isinstance(kind, str) else kind)
+    def __init__(self, package, tab, kind: str = "linear", recorder=None, known=None, model=None):
+        model = predictor.load(package(kind) if isinstance(kind, str) else kind) if model is None else model
         self.lines = Lines(line_format(model.card), "a port", "the model")
         self.session = Session(model, self.lines, lambda _: None)
         self.session._step_s = 1e-4
@@ -260,3 +261,24 @@ def test_each_sensor_fits_on_narrow_and_wide_screens(kind, width, shown, tab):
     assert tab.run("document.documentElement.scrollWidth") <= width
     high = tab.run("[...document.querySelectorAll('button')].map((button) => button.getBoundingClientRect().height)")
     assert min(high) >= 24, "px, to be met by a finger"
+
+
+@pytest.mark.parametrize("classes", [(), ("ball", "cup", "plate")])
+def test_a_target_of_ones_own_is_shown_by_its_name(classes, shown, tab, tmp_path):
+    folder = target(tmp_path / "model", classes, "extra trees above the start")
+    view = shown(model=target_stream.Stream(kept.load(folder)))
+    readings = np.random.default_rng(0).integers(0, 1000, (200, 6))
+    view.play(printed(readings[:80], rate_hz=50))
+    assert view.words("total") == "No prediction yet: the model must see what the first 2 s are like, untouched."
+    view.play(printed(readings, rate_hz=50, begin_us=2_600_000))
+    assert view.words("name") == f"pad: {'object' if classes else 'angle'}"
+    if classes:
+        assert view.words("prediction-title") == "object"
+        best = view.tab.run("shown.predicted")
+        assert best in classes and view.words("total").startswith(f"Most likely: {best}; the 90 % set: {best}")
+    else:
+        assert view.words("prediction-title") == "angle in deg"
+        value, low, high = (view.tab.run(f"shown.{name}") for name in ("angle_deg", "angle_low_deg", "angle_high_deg"))
+        assert high - low == pytest.approx(0.2, abs=2e-3)
+        row = view.tab.run("[...document.querySelectorAll('#values tbody td')].map((cell) => cell.textContent)")
+        assert row == ["angle (line)", f"{value:.2f} ({low:.2f} to {high:.2f})"]

@@ -437,7 +437,7 @@ def test_a_viewer_that_listens_is_kept(page, monkeypatch, client):
     monkeypatch.setattr(server, "REQUEST_S", 0.2)
     one = client().send("GET", "/pictures")
     assert one.answer()[0] == 200
-    assert [one.event()[0], one.event()[0]] == ["model", "picture"]
+    assert [one.event()[0] for _ in range(3)] == ["model", "picture", "status"], "counts as they are in the end"
     time.sleep(1.0)
     page.add(page.predictions[-1]._replace(number=1000))
     assert one.event()[1]["number"] == 1000
@@ -469,6 +469,7 @@ def test_a_page_gets_pictures_as_long_as_it_says_so(page, monkeypatch, client):
         page.add(page.predictions[-1]._replace(number=number))
         if place < 3:  # AHEAD of the page's word
             assert one.event()[1]["number"] == number
+    assert one.event()[0] == "status"
     one.socket.settimeout(0.3)
     with pytest.raises(TimeoutError):
         one.event()
