@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import files, paths
+from pipeline.base.facts import FOLDS
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
 from pipeline.reporting import differences
@@ -85,9 +86,9 @@ class Report:
         budget = self.results.shown(self.experiment, protocol)
         if budget == LOOK and not self.of_look:
             return "not computed"
-        rows = self.results.rows(experiment=self.experiment, protocol=protocol)
-        runs = rows[(rows["seed"] >= 0) & (rows["budget"] == budget)]["seed"].nunique()
-        said = "1 run" if runs == 1 else f"{runs} runs"
+        runs = self._runs(protocol, budget)
+        what = "fold" if facts(self.experiment).seeds == FOLDS else "run"
+        said = f"{runs} {what}{'' if runs == 1 else 's'}"
         if protocol not in self._sets:
             return said
         changed = self._sets[protocol].set.items()
@@ -130,11 +131,17 @@ class Report:
         names = " ".join(dict.fromkeys(lost))
         return f"Some shards have kept no predictions: `{shards.MADE_BY} {names}` computes those that figures show."
 
+    def _runs(self, protocol: str, budget: str) -> int:
+        """Return how many seeds the numbers of a protocol are of; those of variants count where there are no others."""
+        rows = self.results.rows(experiment=self.experiment, protocol=protocol)
+        rows = rows[(rows["seed"] >= 0) & (rows["budget"] == budget)]
+        plain = rows[rows["variant"] == ""]
+        return (rows if plain.empty else plain)["seed"].nunique()
+
     def caption(self, protocol: str, together: int = 0) -> str:
         """Return what a figure's predictions are of: budget, seeds, split; together: so many seeds, not the first."""
-        rows = self.results.rows(experiment=self.experiment, protocol=protocol)
         budget, things = self.results.shown(self.experiment, protocol), facts(self.experiment).seeds
-        runs = rows[(rows["seed"] >= 0) & (rows["budget"] == budget)]["seed"].nunique()
+        runs = self._runs(protocol, budget)
         number = f"{runs} {things if runs != 1 else things.removesuffix('s')}"
         if together == runs > 1:
             number += " together"
