@@ -20,7 +20,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from pipeline.base import cards, params, processes
@@ -72,7 +72,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     from pipeline.live.session import Session
 
     stop = record.Stop()
-    model, comes_from = loaded(workspace, given.model)
+    model, comes_from = loaded(workspace, params.load(workspace.params), given.model)
     processes.torch_on_one_thread()
     card = model.card
     who = card.title
@@ -122,10 +122,10 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         raise InputError(f"{given.replay}: no line is a reading of {who}, {fmt.shown}; name a log of this sensor")
 
 
-def loaded(workspace: Workspace, name: str):
+def loaded(workspace: Workspace, values: Mapping, name: str):
     """Return the model that the user calls so, ready to predict reading by reading, and where it comes from.
 
-    Errors as `packages.locate` and `kept.load`.
+    values: params.yaml. Errors as `packages.locate` and `kept.load`.
     """
     if Path(name, cards.TARGET).is_file():
         from pipeline.live.target_stream import Stream
@@ -136,7 +136,7 @@ def loaded(workspace: Workspace, name: str):
     from pipeline.inference import packages, predictor
 
     with tempfile.TemporaryDirectory() as draft:
-        folder, comes_from = packages.locate(workspace, name, params.load(workspace.params), Path(draft, "package"))
+        folder, comes_from = packages.locate(workspace, name, values, Path(draft, "package"))
         model = predictor.load(folder)
         if model.as_trained:
             from pipeline.inference import onnx_export  # here, because the import of torch takes a second

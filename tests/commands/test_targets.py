@@ -100,7 +100,7 @@ def test_the_model_of_a_number_predicts_a_person_who_did_not_train(workspace, ca
     assert live["t_s"].tolist() == pytest.approx(one["t_s"].tolist())
     for here, there in (("angle_deg", "predicted"), ("angle_low_deg", "low"), ("angle_high_deg", "high")):
         assert live[here].tolist() == pytest.approx(one[there].tolist(), abs=1e-3)
-    with pytest.raises(SystemExit, match="only `tactile predict` and `tactile live` take the model of a target"):
+    with pytest.raises(SystemExit, match="only `tactile predict MODEL LOGS` and .* take the model of a target"):
         called("export", model, tmp_path / "exported")
     with open(model / "estimator.skops", "ab") as file:
         file.write(b"0")

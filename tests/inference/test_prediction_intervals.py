@@ -127,8 +127,9 @@ def test_an_interval_carries_its_coverage_wherever_it_is_printed(tests, words, t
     card = model.card.model_copy(update={"calibration": given})
     peak, touch, rest = intervals.sentences(card)
     assert touch == f"{intervals.sentences(model.card)[1]}{words}" and "held-out" not in peak + rest
-    assert server.description(card)["intervals"] == [peak, touch, rest]
-    _, summary = written(tmp_path, predictor.Predictor(model.model, card, None), model.predict(live_models.press(20)))
+    known = predictor.Predictor(model.model, card, None)
+    assert server.description(card, known.interval_sentences)["intervals"] == [peak, touch, rest]
+    _, summary = written(tmp_path, known, model.predict(live_models.press(20)))
     assert summary["interval"] == [peak, touch, rest]
 
 

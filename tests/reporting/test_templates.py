@@ -39,7 +39,7 @@ def test_a_template_is_filled(tmp_path, monkeypatch):
 )
 def test_numbers_say_of_how_many_runs_and_epochs_they_are(shown, epochs, said):
     report = Report.__new__(Report)
-    rows = pd.DataFrame({"seed": [0, 1, -1], "budget": shown})
+    rows = pd.DataFrame({"seed": [0, 1, -1, 2, 3], "budget": shown, "variant": ["", "", "", "other", "other"]})
     report.experiment, report.of_look = "glove", shown == "look"
     report.results = SimpleNamespace(shown=lambda *_: shown, rows=lambda **_: rows)
     changed = {f"glove.models.{model}.training.epochs": count for model, count in epochs.items()}
