@@ -66,8 +66,8 @@ def locate(workspace: Workspace, name: str, values: Mapping, draft: Path, refit:
         return Path(name), "folder"
     if Path(name, base_cards.TARGET).is_file():
         raise InputError(
-            f"{name}: only `tactile predict MODEL LOGS` and `tactile live MODEL --port PORT` take the model of a target "
-            "of one's own"
+            f"{name}: only `tactile predict MODEL LOGS` and `tactile live MODEL --port PORT` take the model of a "
+            "target of one's own"
         )
     if RUN_ID.fullmatch(name):
         from pipeline.inference import mlflow_store  # here, because the import of MLflow takes a second
