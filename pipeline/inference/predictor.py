@@ -131,7 +131,7 @@ class Predictor:
         """Return the prediction for the next reading of one stream, output_shape float32; reading: (columns,).
 
         unmeasured: as of `outside`; t_s: its time, which only the model of a target of one's own needs
-        (targets/stream.py). Raises InputError for another number of columns.
+        (live/target_stream.py). Raises InputError for another number of columns.
         """
         x = self._checked(np.asarray(reading)[None])
         self._outside.append(unmeasured or ranges.outside(x, self.card.trained_on)[0])

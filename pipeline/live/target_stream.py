@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -40,6 +40,11 @@ class StreamCard(ModelCard):
         return f"{self.sensor}: {self.target}"
 
     @property
+    def says(self) -> Literal["numbers", "classes"]:
+        """What one prediction is: two classes or more have scores, whatever the unit of a number is called."""
+        return "classes" if len(self.outputs.names) > 1 else "numbers"
+
+    @property
     def output_shape(self) -> tuple[int, ...]:
         """Shape of one prediction: (1,) in the target's unit, or (classes,)."""
         return (len(self.outputs.names),)
@@ -52,7 +57,7 @@ class StreamCard(ModelCard):
     @property
     def lacks(self) -> str:
         """Why there is no prediction where there is none, for people."""
-        return f"No prediction yet: the model must see what the first {features.START_S:g} s are like, untouched."
+        return f"No prediction yet: the model first sees for {features.START_S:g} s what the sensor reads untouched."
 
 
 class Stream:
@@ -61,7 +66,7 @@ class Stream:
     A model that sees readings above what a recording began with says nothing in its first START_S.
     """
 
-    as_trained, streams = False, False  # scikit-learn predicts; nothing is carried but the window
+    as_trained = False  # nothing in torch could be made faster
 
     def __init__(self, model: Kept):
         self._model, self.card = model, card_of(model)
@@ -79,7 +84,6 @@ class Stream:
         self._window: deque[tuple[float, np.ndarray, bool]] = deque()  # time (s), reading, outside
         self._first: list[tuple[float, np.ndarray]] = []  # readings of the first START_S
         self._start: np.ndarray | None = None
-        self._segment = 0
         self.stepped_outside = False  # of the latest reading, as Predicted.outside
 
     def step(self, reading: np.ndarray, unmeasured: bool = False, t_s: float | None = None) -> np.ndarray:

@@ -269,7 +269,7 @@ def test_a_target_of_ones_own_is_shown_by_its_name(classes, shown, tab, tmp_path
     view = shown(model=target_stream.Stream(kept.load(folder)))
     readings = np.random.default_rng(0).integers(0, 1000, (200, 6))
     view.play(printed(readings[:80], rate_hz=50))
-    assert view.words("total") == "No prediction yet: the model must see what the first 2 s are like, untouched."
+    assert view.words("total") == "No prediction yet: the model first sees for 2 s what the sensor reads untouched."
     view.play(printed(readings, rate_hz=50, begin_us=2_600_000))
     assert view.words("name") == f"pad: {'object' if classes else 'angle'}"
     if classes:

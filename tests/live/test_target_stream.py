@@ -63,3 +63,11 @@ def test_values_come_in_the_order_of_the_training(tmp_path):
     assert live.order(live.card.reading) == list(range(ROWS * COLS))
     other = live.card.reading | {"sensor": live.card.reading["sensor"] | {"order": turned}}
     assert live.order(other) == turned
+
+
+def test_a_number_may_have_any_unit(tmp_path):
+    saved = kept.load(target(tmp_path / "model"))
+    card = saved.card.model_copy(update={"target": saved.card.target.model_copy(update={"unit": "probability"})})
+    live = target_stream.Stream(saved._replace(card=card))
+    assert live.card.says == "numbers" and live.card.heading == "angle in probability"
+    assert intervals.names(live.card) == ["angle_low_probability", "angle_high_probability", "outside_training"]
