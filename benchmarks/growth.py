@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.ticker import NullLocator
 
 from pipeline.base import files
-from pipeline.reporting.figures import style
+from pipeline.drawing import style
 
 COLUMNS = ("task", "against", "size", "size_unit", "seconds", "mb", "time_exponent", "memory_exponent")
 DATA, ELEMENTS = "data", "elements"

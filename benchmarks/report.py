@@ -5,7 +5,7 @@ from pathlib import Path
 
 from benchmarks import growth
 from pipeline.base import files
-from pipeline.reporting.words.markdown import table
+from pipeline.drawing.markdown import table
 
 MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
 TABLES = {  # in the folder of this report, each written by its benchmark

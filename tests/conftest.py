@@ -104,7 +104,7 @@ def workspace(tmp_path) -> Workspace:
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures are made but not drawn: for tests that look at something else."""
-    from pipeline.reporting.figures import style  # here, because it takes a second
+    from pipeline.drawing import style  # here, because it takes a second
 
     def save(figure, path):
         path.touch()

@@ -432,9 +432,9 @@ def parameters(work: Path) -> Callable[[random.Random], Attempt]:
 
 def shards(work: Path) -> Callable[[random.Random], Attempt]:
     """The tables and settings of the evidence."""
-    from pipeline.scoring import shards as kept
-    from pipeline.scoring.claim_inputs import COLUMNS
-    from pipeline.scoring.results import read_csv
+    from pipeline.results import shards as kept
+    from pipeline.results.claim_inputs import COLUMNS
+    from pipeline.scoring.estimates import read_csv
 
     evidence = work / "evidence"
     evidence.mkdir()

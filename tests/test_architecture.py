@@ -23,7 +23,7 @@ from pipeline.base import imports as import_finder
 from pipeline.base import params
 from pipeline.base.imports import DOORS, NO_NUMBER, closure, imported_names, room
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards
+from pipeline.results import shards
 from pipeline.stages import train
 
 CODE = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py"))

@@ -40,7 +40,7 @@ from pipeline.experiments import glove, glove_recorded, strain, strain_recorded,
 from pipeline.learning.spec import Spec
 from pipeline.logs import parse
 from pipeline.scenes import strain as strain_scene
-from pipeline.scoring import results
+from pipeline.scoring import estimates
 from pipeline.settings.shared import Block
 from pipeline.settings.touch import Touch
 
@@ -652,7 +652,7 @@ def test_a_damaged_table_is_one_sentence_or_has_its_columns(damages, changes, tm
     path = tmp_path / "scores.csv"
     path.write_bytes(overwritten(damaged(SCORES, damages, b",", 3), changes, 1000))
     try:
-        table = results.read_csv(path, columns, "python -m pipeline.stages.evaluate touch")
+        table = estimates.read_csv(path, columns, "python -m pipeline.stages.evaluate touch")
     except InputError as error:
         assert one_sentence(error).startswith(str(path))
     else:
@@ -684,7 +684,7 @@ def check_json(folder: Path, content: bytes) -> bool:
         path.write_bytes(content)
     good = True
     readers = (
-        lambda: results.read_fit(workspace, "touch", "lomp", "press", 0),
+        lambda: estimates.read_fit(workspace, "touch", "lomp", "press", 0),
         lambda: availability.why_not_run(workspace, "touch"),
         lambda: fits.read(run, "dvc repro train"),
     )

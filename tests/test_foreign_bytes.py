@@ -37,7 +37,7 @@ OUTSIDE = {
     ("pipeline/claims/entries.py", "yaml.safe_load"): OURS,
     ("pipeline/reporting/page/sections.py", "yaml.safe_load"): OURS,
     ("pipeline/scenes/material.py", "json.loads"): OURS,
-    ("pipeline/scoring/published.py", "pandas.read_csv"): OURS,
+    ("pipeline/results/published.py", "pandas.read_csv"): OURS,
     ("pipeline/commands/evidence.py", "json.loads"): "what DVC prints, which this program called",
     ("pipeline/stability/series.py", "json.loads"): "text that the same process made",
     ("pipeline/stability/images.py", "json.loads"): "text that the same process made",

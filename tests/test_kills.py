@@ -17,11 +17,11 @@ from pipeline.base import files, params, processes
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.commands import command_line, export, import_logs, own, predict, sheet  # noqa: F401 - else each fork would import them
+from pipeline.drawing import style
 from pipeline.inference import packages, predictions, predictor, recordings  # noqa: F401
 from pipeline.logs import parse, sources
-from pipeline.reporting.figures import style
-from pipeline.scoring import shards
-from pipeline.scoring.shards import Shard
+from pipeline.results import shards
+from pipeline.results.shards import Shard
 from pipeline.settings.shards import ShardSet
 from pipeline.sheet import quantities
 from pipeline.stages import shard

@@ -22,9 +22,9 @@ from pipeline.base.params_file import set_values
 from pipeline.commands import check, command_line
 from pipeline.datasets import schemas
 from pipeline.datasets.windowing import windows_of
+from pipeline.drawing import check as check_figures
+from pipeline.own import report as own_sensor
 from pipeline.own import settings as own_settings
-from pipeline.reporting import own_sensor
-from pipeline.reporting.figures import check as check_figures
 from pipeline.reporting.page.hypertext import markdown
 from pipeline.stages import ingest
 

@@ -31,8 +31,9 @@ from pipeline.base import params, provenance
 from pipeline.base.errors import InputError, run_stage
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
-from pipeline.inference import mlflow_runs, mlflow_store, packages, predictor, training_logs
-from pipeline.scoring import shards
+from pipeline.inference import mlflow_store, packages, predictor, training_logs
+from pipeline.results import shards
+from pipeline.tracking import mlflow_runs
 
 pytestmark = pytest.mark.slow
 

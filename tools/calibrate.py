@@ -18,7 +18,8 @@ from pipeline import experiments
 from pipeline.base import arguments, params, workers
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import classification, shards
+from pipeline.results import shards
+from pipeline.scoring import classification
 from pipeline.stability import changed_scene
 
 YARDSTICK = "yardstick"  # the setting that every simulated experiment has

@@ -35,10 +35,11 @@ from scipy.optimize import least_squares
 from pipeline.base import arguments, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.drawing import templates
 from pipeline.experiments import velostat_recorded
+from pipeline.experiments.velostat_recorded import RASTER, STEP_MM
 from pipeline.logs import layout, parse, sources
-from pipeline.reporting.words import templates
-from pipeline.scenes.material import FITTED, RASTER, STEP_MM, Material, log_resistance
+from pipeline.scenes.material import FITTED, Material, log_resistance
 from tools import material_figures as figures
 
 SOURCE = "velostat_recorded"
@@ -366,6 +367,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             "gain_std": float(best.log_gain.std()),
             "exponent_std": float(best.exponent.std()),
             "neighbour_correlation": neighbour_correlation(best.log_gain),
+            "raster": list(RASTER),
             "step_mm": list(STEP_MM),
             "log_gain": best.log_gain.tolist(),
             "exponent": best.exponent.tolist(),

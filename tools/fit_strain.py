@@ -22,7 +22,7 @@ from pipeline.base import arguments, params
 from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.reporting.words import markdown
+from pipeline.drawing import markdown
 from pipeline.stability import changed_scene
 from pipeline.twins import strain as twins
 from tools.calibrate import changes_of

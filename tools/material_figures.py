@@ -6,7 +6,7 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pipeline.reporting.figures.style import BLUE, GREY, VERMILION, save
+from pipeline.drawing.style import BLUE, GREY, VERMILION, save
 
 
 class Course(NamedTuple):

@@ -20,8 +20,8 @@ from pipeline.base import arguments, files, params, paths, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import evidence
-from pipeline.scoring import shards
-from pipeline.scoring.shards import Shard
+from pipeline.results import shards
+from pipeline.results.shards import Shard
 from pipeline.settings.shards import ShardSet
 
 SETTINGS = ("params.yaml", "params", "evidence/shards.yaml")  # of the workspace

@@ -29,9 +29,9 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import evidence
 from pipeline.datasets import schemas
-from pipeline.scoring import kept, shards, units
-from pipeline.scoring.claim_inputs import COLUMNS, DATA
-from pipeline.scoring.shards import Shard
+from pipeline.results import kept, shards, units
+from pipeline.results.claim_inputs import COLUMNS, DATA
+from pipeline.results.shards import Shard
 from pipeline.settings.shards import ShardSet
 from tools import pack
 

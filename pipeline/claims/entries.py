@@ -49,7 +49,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims.expressions import Result, evaluate
 from pipeline.claims.rules import RULES
-from pipeline.scoring import published
+from pipeline.results import published
 
 FOLDER = Path(__file__).parent
 SENTENCE, NUMBER, COUNT = "sentence", "number", "count"  # kinds of claims; the first two are counted

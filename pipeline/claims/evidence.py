@@ -9,7 +9,7 @@ from pipeline import experiments
 from pipeline.claims.entries import Claim
 from pipeline.claims.expressions import Result
 from pipeline.claims.rules import Open
-from pipeline.scoring.one_table import Results
+from pipeline.results.one_table import Results
 
 MANY = 20  # test items of a run: of fewer, a claim says how many
 

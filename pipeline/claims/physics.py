@@ -20,8 +20,8 @@ from scipy.special import stdtrit
 from pipeline.base.paths import Workspace
 from pipeline.claims.equivalence import lies_within
 from pipeline.experiments import facts
-from pipeline.scoring import studies
-from pipeline.scoring.studies import NONE, PHYSICS
+from pipeline.results import studies
+from pipeline.results.studies import NONE, PHYSICS
 
 MARGIN = 0.05  # share of a model's error
 SIDE = 0.95  # confidence of each of the two one-sided tests

@@ -22,8 +22,8 @@ import pandas as pd
 from scipy import stats
 
 from pipeline.claims.equivalence import inside, lies_within
-from pipeline.scoring import results
-from pipeline.scoring.units import DRAW, WHOLE
+from pipeline.results.units import DRAW, WHOLE
+from pipeline.scoring import estimates
 
 REPRODUCED, CONTRADICTED, UNDECIDED = "reproduced", "contradicted", "undecided"
 MATCHES, NEAR, OFF = "matches", "near", "off"
@@ -32,7 +32,7 @@ VERDICTS = (REPRODUCED, MATCHES, NEAR, CONTRADICTED, OFF, UNDECIDED)  # of what 
 GOOD, BAD = (REPRODUCED, MATCHES, NEAR), (CONTRADICTED, OFF)
 BAND = 0.15  # of a printed error: a number that matches differs by less, a near one by less than twice that
 RANKS = 0.5  # rank correlation of an order with the printed one
-ALPHA = (1 - results.CONFIDENCE) / 2  # of one side
+ALPHA = (1 - estimates.CONFIDENCE) / 2  # of one side
 DRAWS = 1000  # of a power
 LIKELY = "a likely draw"  # of a printed number that one further specimen of ours may have
 NOTHING = "there are no values to compare"
@@ -75,7 +75,7 @@ def fixed(value: float) -> pd.Series:
     return pd.Series([value], index=pd.Index([0], name=FIXED))
 
 
-def interval(values: pd.Series, scale: str = results.PLAIN) -> results.Estimate:
+def interval(values: pd.Series, scale: str = estimates.PLAIN) -> estimates.Estimate:
     """Return mean and interval over the seeds that every side of a difference has, or over draws of recordings.
 
     scale: as of `estimate`; of draws the quantiles are the interval, of a `fixed` value the value itself is.
@@ -83,14 +83,14 @@ def interval(values: pd.Series, scale: str = results.PLAIN) -> results.Estimate:
     """
     if values.index.name == FIXED:
         value = float(values.iloc[0])
-        return results.Estimate(value, value, value, 1, 0)
+        return estimates.Estimate(value, value, value, 1, 0)
     if values.index.name == DRAW:
         drawn = values[values.index != WHOLE]
         low, high = np.quantile(drawn, (ALPHA, 1 - ALPHA))
-        return results.Estimate(float(values.get(WHOLE, drawn.mean())), float(low), float(high), len(drawn), 0)
-    mean = results.estimate(values.dropna(), scale)
-    if mean.runs < results.FEWEST:
-        problem = f"{mean.runs} of the {results.FEWEST} runs that an interval needs" if mean.runs else NOTHING
+        return estimates.Estimate(float(values.get(WHOLE, drawn.mean())), float(low), float(high), len(drawn), 0)
+    mean = estimates.estimate(values.dropna(), scale)
+    if mean.runs < estimates.FEWEST:
+        problem = f"{mean.runs} of the {estimates.FEWEST} runs that an interval needs" if mean.runs else NOTHING
         raise Open(problem, mean.mean, mean.runs)
     if np.isnan(mean.low):
         problem = f"all {mean.runs} runs have one value, {mean.mean:.4g}, which tells nothing of their spread"
@@ -114,14 +114,14 @@ def doubt(values: pd.Series, limit: float, scale: str, side: str) -> float:
     if values.index.name == DRAW:
         drawn = values[values.index != WHOLE]
         return float(((drawn >= limit) if side == "less" else (drawn <= limit)).mean())
-    if scale == results.SHARE:
+    if scale == estimates.SHARE:
         shares = values.dropna().to_numpy()
-        trials = float(results.effective_trials(shares))
+        trials = float(estimates.effective_trials(shares))
         hits, misses = trials * shares.mean(), trials * (1 - shares.mean())
         if side == "less":
             return float(stats.beta.sf(limit, hits + 1, misses))
         return float(stats.beta.cdf(limit, hits, misses + 1))
-    there, _ = results.SCALES[scale]
+    there, _ = estimates.SCALES[scale]
     rises = np.sign(there(limit + 0.01) - there(limit))
     return float(stats.ttest_1samp(rises * there(values.dropna()), rises * there(limit), alternative=side).pvalue)
 
@@ -165,13 +165,13 @@ def said(limit: float) -> str:
     return f"limit {limit:g}{' (ours)' * ours(limit)}"
 
 
-def flip(mean: results.Estimate, limit: float) -> float:
+def flip(mean: estimates.Estimate, limit: float) -> float:
     """Return the limit nearest to ours at which a verdict is another, a bound of the interval that decides it."""
     return min(mean.low, mean.high, key=lambda bound: abs(bound - limit)) if ours(limit) else np.nan
 
 
 def above(
-    values: Values, printed: Printed, *, limit: float = 0.0, scale: str = results.PLAIN, unfinished: str = ""
+    values: Values, printed: Printed, *, limit: float = 0.0, scale: str = estimates.PLAIN, unfinished: str = ""
 ) -> Judgement:
     """Judge a direction: the value is above the limit. Of several all must be; the one that decides is shown.
 
@@ -196,7 +196,7 @@ def above(
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, p=p, flips_at=flip(mean, limit))
 
 
-def below(values: Values, printed: Printed, *, limit: float, scale: str = results.PLAIN) -> Judgement:
+def below(values: Values, printed: Printed, *, limit: float, scale: str = estimates.PLAIN) -> Judgement:
     """Judge that a value is below the limit: no increase beyond a margin. Of several all must be."""
     means = {name: interval(runs, scale) for name, runs in values.items()}
     doubts = {name: doubt(runs, limit, scale, "greater") for name, runs in values.items()}
@@ -213,7 +213,7 @@ def below(values: Values, printed: Printed, *, limit: float, scale: str = result
 
 def scale_of_printed(runs: pd.Series, best: float) -> str:
     """Return the scale of a printed number: a share, an error or a ratio of errors, or a gain, which may be below 0."""
-    return results.SHARE if best else results.LOG if (runs.dropna() > 0).all() else results.PLAIN
+    return estimates.SHARE if best else estimates.LOG if (runs.dropna() > 0).all() else estimates.PLAIN
 
 
 def near(values: Values, printed: Printed, *, best: float = 0.0) -> Judgement:
@@ -237,7 +237,7 @@ def near(values: Values, printed: Printed, *, best: float = 0.0) -> Judgement:
     p = between(runs / whole, published / whole - width, published / whole + width, scale, verdict)
     low, high = (np.nan, np.nan)
     if runs.index.name != DRAW:
-        low, high = (whole * end for end in results.prediction(runs / whole, scale))
+        low, high = (whole * end for end in estimates.prediction(runs / whole, scale))
     if low <= published <= high:
         reason += f"; {LIKELY}"
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, power, 0, p, low, high)
@@ -251,7 +251,9 @@ def about(values: Values, printed: Printed) -> Judgement:
     return replace(found, verdict=verdict, reason=reason, draw_low=np.nan, draw_high=np.nan)
 
 
-def within(values: Values, printed: Printed, *, around: float, margin: float, scale: str = results.PLAIN) -> Judgement:
+def within(
+    values: Values, printed: Printed, *, around: float, margin: float, scale: str = estimates.PLAIN
+) -> Judgement:
     """Judge that nothing differs: all of the interval is within the margin of `around`."""
     mean, bounds = interval(only(values), scale), (around - margin, around + margin)
     verdict = {True: REPRODUCED, False: CONTRADICTED, None: UNDECIDED}[lies_within(mean.low, mean.high, *bounds)]
@@ -266,7 +268,7 @@ def within(values: Values, printed: Printed, *, around: float, margin: float, sc
 def place(values: Values, printed: Printed) -> Judgement:
     """Judge a place in an order, a whole number: it is nearer to the printed one than to another."""
     runs, published = only(values).dropna(), only(printed)
-    if len(runs) >= results.FEWEST and runs.nunique() == 1:
+    if len(runs) >= estimates.FEWEST and runs.nunique() == 1:
         verdict = REPRODUCED if runs.iloc[0] == published else CONTRADICTED
         return Judgement(runs.iloc[0], np.nan, np.nan, verdict, "in every run", len(runs))
     found = within(values, printed, around=published, margin=0.5)
@@ -278,13 +280,13 @@ def order(values: Values, printed: Printed, *, limit: float = RANKS) -> Judgemen
     frame = pd.DataFrame(values).dropna()
     printed_ranks = stats.rankdata([printed[name] for name in frame])
     correlation = frame.rank(axis=1).apply(lambda ranks: np.corrcoef(ranks, printed_ranks)[0, 1], axis=1)
-    if len(correlation) >= results.FEWEST and np.ptp(correlation) < results.SAME:  # one order in every run
+    if len(correlation) >= estimates.FEWEST and np.ptp(correlation) < estimates.SAME:  # one order in every run
         verdict = REPRODUCED if correlation.iloc[0] > limit else CONTRADICTED
         return Judgement(correlation.iloc[0], np.nan, np.nan, verdict, "in every run", len(correlation))
     mean = interval(correlation)
     verdict = REPRODUCED if mean.low > limit else CONTRADICTED if mean.high < limit else UNDECIDED
     reason = f"rank correlation with the printed order; {said(limit)}"
-    p = all_beyond({"": correlation}, limit, results.PLAIN, "greater", verdict)
+    p = all_beyond({"": correlation}, limit, estimates.PLAIN, "greater", verdict)
     return Judgement(mean.mean, mean.low, mean.high, verdict, reason, mean.runs, p=p, flips_at=flip(mean, limit))
 
 
@@ -304,7 +306,7 @@ def fewer(values: Values, printed: Printed) -> Judgement:
 
 def timed(values: Values, printed: Printed) -> Judgement:
     """Return a ratio of measured times, the smallest of several; the paper's are of other devices."""
-    means = [results.estimate(runs, results.LOG) for runs in values.values()]
+    means = [estimates.estimate(runs, estimates.LOG) for runs in values.values()]
     mean = min(means, key=lambda each: each.mean)
     reason = "the paper's devices are not at hand; ratios of times on others do not compare"
     return Judgement(mean.mean, mean.low, mean.high, OUTSIDE, reason, mean.runs)
@@ -314,7 +316,7 @@ def calibrated(values: Values, printed: Printed) -> Judgement:
     """Return the error, or ratio of errors, that a scene was tuned to, which is no evidence, whatever it is."""
     runs, published = only(values), only(printed)
     scale = scale_of_printed(runs, 0)
-    mean, (low, high) = results.estimate(runs, scale), results.prediction(runs, scale)
+    mean, (low, high) = estimates.estimate(runs, scale), estimates.prediction(runs, scale)
     reason = f"{100 * (mean.mean / published - 1):+.0f} % from the published one"
     reason += f"; {LIKELY}" * (low <= published <= high)
     reason += "; a setting of the scene was chosen by it, on validation parts"
@@ -325,7 +327,7 @@ def weak(p: np.ndarray) -> np.ndarray:
     """Return which of these p values (n,) Holm's test over all of them does not reject at 5 %; NaN is none of them."""
     p, result = np.asarray(p, float), np.zeros(len(p), bool)
     order = [at for at in np.argsort(p, kind="stable") if np.isfinite(p[at])]
-    limits = (1 - results.CONFIDENCE) / np.arange(len(order), 0, -1)
+    limits = (1 - estimates.CONFIDENCE) / np.arange(len(order), 0, -1)
     result[order] = np.cumsum(p[order] > limits) > 0
     return result
 
@@ -334,7 +336,7 @@ def _power(
     values: Values,
     printed: Printed,
     goal: Callable[[np.ndarray, np.ndarray], np.ndarray],
-    scale: str = results.PLAIN,
+    scale: str = estimates.PLAIN,
 ) -> float:
     """Return the chance that intervals reach a goal if the paper is exactly right; NaN where it prints no number.
 
@@ -343,16 +345,16 @@ def _power(
     """
     frame = pd.DataFrame(values).dropna()
     centre = np.array([printed[name] for name in frame])
-    if len(frame) < results.FEWEST or not np.isfinite(centre).all():
+    if len(frame) < estimates.FEWEST or not np.isfinite(centre).all():
         return np.nan
     if frame.index.name == DRAW:
         off = (frame - frame.mean())[frame.index != WHOLE].to_numpy()
         return float(goal(*(centre + off + np.quantile(off, side, axis=0) for side in (ALPHA, 1 - ALPHA))).mean())
-    (there, back), n = results.SCALES[scale], len(frame)
+    (there, back), n = estimates.SCALES[scale], len(frame)
     seen = there(frame.to_numpy())
     drawn = np.random.default_rng(0).standard_normal((DRAWS, n, n))
     samples = there(centre) + drawn @ (seen - seen.mean(axis=0)) / np.sqrt(n - 1)
-    _, low, high = results.intervals(back(samples).swapaxes(0, 1), scale)
+    _, low, high = estimates.intervals(back(samples).swapaxes(0, 1), scale)
     return float(goal(low, high).mean())
 
 

@@ -33,9 +33,9 @@ import pandas as pd
 
 from pipeline.base.errors import InputError
 from pipeline.experiments import facts, module
-from pipeline.scoring import units
-from pipeline.scoring.claim_inputs import FULL
-from pipeline.scoring.results import CONFIDENCE, FEWEST, estimate
+from pipeline.results import units
+from pipeline.results.claim_inputs import FULL
+from pipeline.scoring.estimates import CONFIDENCE, FEWEST, estimate
 from pipeline.settings.stress import TESTS
 
 FLOOR = "constant"

@@ -15,20 +15,21 @@ import numpy as np
 
 from pipeline.base import files, paths, ranges
 from pipeline.base.paths import Workspace
+from pipeline.drawing import labels
 from pipeline.experiments import facts
 from pipeline.inference import card as cards
 from pipeline.inference import intervals
-from pipeline.reporting.words import labels
-from pipeline.reporting.words.templates import render
-from pipeline.scoring import conformal, results, shards, shown
-from pipeline.scoring.claim_inputs import FULL
+from pipeline.reporting.texts import render
+from pipeline.results import shards, shown
+from pipeline.results.claim_inputs import FULL
+from pipeline.scoring import conformal, estimates
 
 TOGETHER = "all objects"
 FLOOR = "constant"  # the model that a useful one must beat
 
 
 def card_of(workspace: Workspace, folder: Path) -> str:
-    """Return the model card of a pretrained model in Markdown. Errors as of `cards.read` and `results.read_csv`."""
+    """Return the model card of a pretrained model in Markdown. Errors as of `cards.read` and `estimates.read_csv`."""
     card = cards.read(folder)
     metric = facts(card.experiment).metric
     lower, factor, unit = metric != "accuracy", factor_of(metric), facts(card.experiment).output_unit
@@ -44,7 +45,7 @@ def card_of(workspace: Workspace, folder: Path) -> str:
         )
         worse = [k for k in runs.index if k in floor and (runs[k] >= floor[k] if lower else runs[k] <= floor[k])]
         failed = {*runs.index[runs.isna()], *worse}
-        again, constant = (said(results.estimate(each, results.scale_of(metric)), factor) for each in (runs, floor))
+        again, constant = (said(estimates.estimate(each, estimates.scale_of(metric)), factor) for each in (runs, floor))
         task, value = labels.task_name(score.condition), f"{factor * score.value:.3g}"
         rows.append([task, value, again, f"{len(failed)} of {len(runs)}", constant])
     return render(
@@ -63,7 +64,7 @@ def card_of(workspace: Workspace, folder: Path) -> str:
 
 def factor_of(metric: str) -> int:
     """Return what a score is multiplied by to be shown: shares are in %."""
-    return 100 if metric in results.SHARES else 1
+    return 100 if metric in estimates.SHARES else 1
 
 
 def more_epochs(workspace: Workspace, card: cards.Card) -> str:
@@ -93,7 +94,7 @@ def covered(card: cards.Card) -> list[list[str]]:
     ]
 
 
-def said(estimate: results.Estimate, factor: float) -> str:
+def said(estimate: estimates.Estimate, factor: float) -> str:
     """Return a mean with its interval, times a factor, to three digits; a dash where nothing was run."""
     if not estimate.runs:
         return "-"
@@ -110,7 +111,7 @@ def elsewhere(workspace: Workspace, card: cards.Card) -> list[list[str]]:
     metric = facts(card.experiment).metric
     factor = factor_of(metric)
     columns = ["experiment", "condition", "model", "perturbation", "severity", "metric", "value"]
-    table = results.read_csv(workspace.reports / "stress.csv", columns, "dvc repro collect")
+    table = estimates.read_csv(workspace.reports / "stress.csv", columns, "dvc repro collect")
     table = table[(table["experiment"] == card.experiment) & (table["perturbation"] == "specimen")]
     rows = []
     for condition, group in table[table["metric"] == metric].groupby("condition", sort=False):

@@ -22,6 +22,7 @@ from pipeline import experiments
 from pipeline.base import arguments, files
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
+from pipeline.drawing import check as check_figures
 from pipeline.experiments import log_name, sensor_format
 from pipeline.logs import layout, own_data, parse, sniff
 from pipeline.logs.formats import Column
@@ -30,7 +31,6 @@ from pipeline.own import findings, summary
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
 from pipeline.own.recordings import Checked, Read, checked, read_one
-from pipeline.reporting.figures import check as check_figures
 from pipeline.settings.targets import Asked, Target
 from pipeline.targets import read as target_logs
 

@@ -42,6 +42,7 @@ GROUPS = {  # heading of the help -> command -> its module
         "fetch": "fetch",
         "evidence": "evidence",
         "targets": "targets",
+        "simulate": "simulate",
         "track": "track",
     },
     "Maintain the models": {

@@ -19,8 +19,7 @@ from pipeline import experiments
 from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.reporting import coverage
-from pipeline.reporting.words import labels, templates
+from pipeline.drawing import coverage, labels, templates
 
 RECORDED = tuple(experiments.having("source"))
 
@@ -52,7 +51,7 @@ def write_page(workspace: Workspace, values: Mapping) -> None:
     read = {labels.experiment_name(name): coverage.read(workspace, name) for name in there}
     tables = {name: (list(coverage.rows(table)), coverage.untold(table)) for name, table in read.items()}
     target = workspace.coverage("").with_name("README.md")
-    files.write_text(target, templates.render("coverage", header=coverage.HEADER, tables=tables))
+    files.write_text(target, templates.render(templates.TEXTS, "coverage", header=coverage.HEADER, tables=tables))
     print(target)
 
 

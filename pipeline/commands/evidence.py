@@ -21,9 +21,9 @@ from collections.abc import Mapping
 from pipeline.base import params, provenance
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards
-from pipeline.scoring.claim_inputs import HALF
-from pipeline.scoring.shards import Shard
+from pipeline.results import shards
+from pipeline.results.claim_inputs import HALF
+from pipeline.results.shards import Shard
 from pipeline.settings.shards import ShardSet
 
 FILE = "evidence/dvc.yaml"

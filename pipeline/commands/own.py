@@ -33,8 +33,8 @@ from pipeline.commands import check, sheet, targets
 from pipeline.commands.targets import Effort
 from pipeline.datasets import schemas
 from pipeline.logs import own_data
+from pipeline.own import report
 from pipeline.own import settings as own_settings
-from pipeline.scoring.claim_inputs import LOOK
 from pipeline.settings.targets import Asked
 from pipeline.sheet import quantities, sources
 
@@ -146,10 +146,9 @@ def run(checkout: Workspace, sensor: Sensor, values: Mapping) -> None:
             fit_centres(workspace, experiment, values)
         modules.run(workspace.root, f"pipeline.stages.{stage}", experiment)
     modules.run(workspace.root, "pipeline.commands.command_line", "coverage", experiment, quiet=True)
-    modules.run(workspace.root, "pipeline.stages.render", experiment, LOOK)
     target = checkout.reports / "own" / name
     with files.replacing_folder(target) as draft:
-        shutil.copytree(workspace.look / experiment / "accuracy", draft, dirs_exist_ok=True)
+        report.write(workspace, draft, experiment, values[experiment])
         of = sources.sensors(experiment, name, folder, values[experiment])
         sheet.write(draft, "sheet", [quantities.sheet(sensor) for sensor in of])
     trained = workspace.root / TRAINED

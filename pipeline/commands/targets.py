@@ -19,13 +19,13 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.commands import sheet
 from pipeline.own import settings as own_settings
-from pipeline.reporting import own_target
-from pipeline.reporting.own_target import Section
 from pipeline.settings.targets import Asked
 from pipeline.sheet import quantities, sources
 from pipeline.sheet.quantities import Sheet
 from pipeline.targets import features, kept, read, validate
+from pipeline.targets import report as own_target
 from pipeline.targets.read import Data
+from pipeline.targets.report import Section
 
 
 class Effort(NamedTuple):

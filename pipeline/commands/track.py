@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Track every experiment of the settings."""
-    from pipeline.inference import mlflow_runs, mlflow_store
+    from pipeline.inference import mlflow_store
+    from pipeline.tracking import mlflow_runs
 
     host, port = urlsplit(mlflow_store.UI).hostname, urlsplit(mlflow_store.UI).port
     if given.serve and mlflow_store.server():

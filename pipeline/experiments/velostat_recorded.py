@@ -36,6 +36,8 @@ FACTS = Facts(
     ),
 )
 
+RASTER = (4, 4)  # places of a recording, rows and columns
+STEP_MM = (3.75, 3.25)  # between two rows, and between two places of a row
 POOLED = "repetition"  # the protocol that fits all recordings together
 
 formats, frames_schema = touch.formats, touch.frames_schema

@@ -13,7 +13,7 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, images, schemas
 from pipeline.inference import card as cards
 from pipeline.inference import consistent, training
-from pipeline.scoring import metrics, results
+from pipeline.scoring import estimates, metrics
 
 MAP_ORDER = "row by row from the bottom row, each from the left"
 ORDERS = {
@@ -112,7 +112,7 @@ def _table(path: Path, columns: list[str]):
 def _scores(workspace: Workspace, experiment: str) -> dict[tuple[str, str, int], list[cards.Score]]:
     """Return (protocol, model, seed) -> the run's rows of scores.csv."""
     columns = ["protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]
-    table = results.read_csv(workspace.scores(experiment), columns, "dvc repro evaluate")
+    table = estimates.read_csv(workspace.scores(experiment), columns, "dvc repro evaluate")
     scores = {}
     for row in table.itertuples(index=False):
         score = cards.Score(

@@ -6,10 +6,10 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw
 
+from pipeline.drawing import style
 from pipeline.inference import touches
 from pipeline.inference.card import Card
 from pipeline.inference.recordings import Recording, Tips, parts
-from pipeline.reporting.figures import style
 
 plt = style.plt
 MOMENTS = 4  # maps in the picture

@@ -15,14 +15,16 @@ from pipeline import experiments
 from pipeline.base import files
 from pipeline.base.paths import Workspace
 from pipeline.claims import rules
+from pipeline.drawing import common
+from pipeline.drawing.labels import FOLDS, capitalised, model_name, plain
+from pipeline.drawing.markdown import interval, table
 from pipeline.reporting import experiment as common_parts
 from pipeline.reporting.experiment import Parts
-from pipeline.reporting.figures import common
+from pipeline.reporting.figures import curves
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import FOLDS, capitalised, model_name, plain
-from pipeline.reporting.words.markdown import interval, table
-from pipeline.scoring import kept, results, units
-from pipeline.scoring.results import Estimate, scale_of
+from pipeline.results import kept, units
+from pipeline.scoring import estimates
+from pipeline.scoring.estimates import Estimate, scale_of
 
 MAIN = "rmse"
 UNITS = {MAIN: "% contact", "r2": "1", "touches_found": "1", "sum_ratio": "1", "away_rmse": "% contact"}
@@ -126,7 +128,7 @@ def pooled(
     if failed < len(every) and len(draws):
         value = rules.interval(draws)
     else:
-        value = results.estimate([fold[np.isfinite(fold)].mean() for fold in runs], scale_of(metric))
+        value = estimates.estimate([fold[np.isfinite(fold)].mean() for fold in runs], scale_of(metric))
     return with_width(value._replace(runs=len(every) - failed, failed=failed))
 
 
@@ -250,7 +252,7 @@ def draw(report: Report, folder: Path, protocol: str, conditions: Mapping[str, s
         for model, own in of.items()
     }
     title, axis = "Error of a frame, by the number of its contacts", "Mean squared error of a frame"
-    common.boxes(folder / "errors.png", errors, title, caption, f"{axis} ((% contact)², lower is better)", "frames")
+    curves.boxes(folder / "errors.png", errors, title, caption, f"{axis} ((% contact)², lower is better)", "frames")
     mapped = label["map"].map(len).to_numpy() > 0
     at = np.concatenate([np.flatnonzero(mapped & (condition == name)) for name in conditions])
     person = label["recording"].astype(str).str.partition("/")[0].to_numpy()

@@ -8,9 +8,9 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.entries import NUMBER, RECORDED, SENTENCE
 from pipeline.claims.rules import BAD, BAND, BEYOND, RANKS, UNDECIDED, VERDICTS
-from pipeline.reporting.words.markdown import number, size, table
-from pipeline.reporting.words.templates import render
-from pipeline.scoring.one_table import Results
+from pipeline.drawing.markdown import number, size, table
+from pipeline.reporting.texts import render
+from pipeline.results.one_table import Results
 
 RULES = (
     ("direction", "the difference, paired by seed, is on the claimed side of 0, or of the limit that is named"),

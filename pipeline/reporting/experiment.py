@@ -12,13 +12,13 @@ from typing import NamedTuple
 import pandas as pd
 
 from pipeline.base import files
+from pipeline.drawing.labels import experiment_name
 from pipeline.experiments import facts
 from pipeline.reporting import speed as speed_report
-from pipeline.reporting.figures import common
+from pipeline.reporting.figures import curves
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.report import BUDGETS, Report
-from pipeline.reporting.words.labels import experiment_name
-from pipeline.scoring.published import PRINTED
+from pipeline.results.published import PRINTED
 
 
 class Parts(NamedTuple):
@@ -33,17 +33,17 @@ class Parts(NamedTuple):
 
 def learning_curves(report: Report, path: Path, groups: Mapping[str, str], unit: str) -> None:
     """Draw the learning curves of all models with epochs; groups: name -> protocol; unit: of the loss."""
-    curves, paper = report.curves(groups.values()), facts(report.experiment).paper
-    if curves.empty:
+    losses, paper = report.curves(groups.values()), facts(report.experiment).paper
+    if losses.empty:
         return
     printed = PRINTED[paper.key] if paper and paper.epochs else ()
     epochs = {model: paper.epochs for model in printed}
-    runs = curves.groupby("budget")["seed"].nunique()
+    runs = losses.groupby("budget")["seed"].nunique()
     said = ", ".join(
         f"{runs[at]} {'seed' if runs[at] == 1 else 'seeds'} of {BUDGETS[at]}" for at in BUDGETS if at in runs
     )
     title = f"Learning curves: validation loss, a line a training (lower is better)\n{said}"
-    common.learning_curves(path, curves, groups, title, unit, epochs)
+    curves.learning_curves(path, losses, groups, title, unit, epochs)
 
 
 def write_speed(

@@ -12,17 +12,18 @@ from pipeline.base.paths import Workspace
 from pipeline.datasets import images
 from pipeline.datasets.images import MODALITIES, modality
 from pipeline.datasets.seeding import generator
+from pipeline.drawing import common, style
+from pipeline.drawing.labels import capitalised, form_name, model_name, plain, task_name
 from pipeline.experiments import glove as glove_experiment
 from pipeline.reporting import experiment
-from pipeline.reporting.figures import answers, common, style
+from pipeline.reporting.figures import answers, curves
 from pipeline.reporting.figures import glove as figures
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import capitalised, form_name, model_name, plain, task_name
+from pipeline.results import glove_results, kept
+from pipeline.results.glove_results import COMPARED, MOST_CONFUSED
+from pipeline.results.published import METHODS, precision, precision_gain
 from pipeline.scenes import glove as glove_scene
-from pipeline.scoring import glove_results, kept
-from pipeline.scoring.glove_results import COMPARED, MOST_CONFUSED
-from pipeline.scoring.published import METHODS, precision, precision_gain
-from pipeline.scoring.results import PLAIN, SHARE, estimate
+from pipeline.scoring.estimates import PLAIN, SHARE, estimate
 
 METRICS = ("macro_precision", "accuracy")
 FRAMES_OF = ("combined", "pressure")  # datasets of figure 15
@@ -152,14 +153,14 @@ def draw_by_frames(path: Path, tables: Mapping[str, pd.DataFrame]) -> None:
             values = {n: 100 * part["value"] for n, part in runs.groupby("frames")}
             dotted = {"linestyle": ":", "markerfacecolor": "white"} if form == "mean" else {}
             said = f"{model_name(model)}, {form_name(form)}"
-            panels[name].append(common.line(model, values, label=said, **dotted))
+            panels[name].append(curves.line(model, values, label=said, **dotted))
             ticks |= set(runs["frames"])
     number = "one simulated glove" if gloves == 1 else f"mean and dots of {gloves} simulated gloves"
     least = min(np.min(values) for lines in panels.values() for line in lines for values in line.values)
     limits = (10 * (least // 10), 100)  # points of difference are few, of one glove nothing: no axis of 3 points
     names = ("Number of input frames", "Macro precision (%)")
     title = f"Figure 15: several frames of a session ({number})"
-    common.curves(path, panels, title, names, PLAIN, limits=limits, ticks=sorted(ticks))
+    curves.curves(path, panels, title, names, PLAIN, limits=limits, ticks=sorted(ticks))
 
 
 def draw_laws(folder: Path, settings: Mapping) -> None:

@@ -12,18 +12,18 @@ import pandas as pd
 from pipeline.base import files, paths
 from pipeline.base.facts import FOLDS
 from pipeline.base.paths import Workspace
+from pipeline.drawing import markdown
+from pipeline.drawing.labels import model_name, split_name
+from pipeline.drawing.markdown import COUNTS, number, size, table
 from pipeline.experiments import facts
-from pipeline.reporting import differences
+from pipeline.reporting import differences, texts
 from pipeline.reporting.claims import tables_of
-from pipeline.reporting.words import templates
-from pipeline.reporting.words.labels import model_name, split_name
-from pipeline.reporting.words.markdown import interval, number, size, table
-from pipeline.scoring import kept, one_table, published, results, shards, shown
-from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
-from pipeline.scoring.published import ANY
-from pipeline.scoring.results import LOG, R2, SHARE, Estimate, estimate, scale_of
+from pipeline.results import kept, one_table, published, shards, shown
+from pipeline.results.claim_inputs import FULL, HALF, LOOK
+from pipeline.results.published import ANY
+from pipeline.scoring import estimates
+from pipeline.scoring.estimates import LOG, SHARE, Estimate, estimate, scale_of
 
-COUNTS = ("params", "macs")  # metrics that are whole numbers
 BUDGETS = {LOOK: "the look of this machine", HALF: "half of the budget", FULL: "the full budget"}
 CURVE = ["model", "protocol", "seed", "epoch", "train_loss", "validation_loss"]
 FIGURE = re.compile(r"^- \[.*?\]\((\S+\.png)\)")
@@ -36,22 +36,17 @@ class Report:
     def __init__(self, workspace: Workspace, experiment: str, settings: Mapping, look: bool = False):
         """Read the one table and judge the claims; settings: the experiment's block of settings.
 
-        The results are those of the evidence, with `look` or of own logs what the stages computed here.
+        The results are those of the evidence, with `look` what the stages computed here.
         """
         self.workspace, self.experiment, self.models = workspace, experiment, list(settings["models"])
-        self.simulated = settings.get("source", "simulated") == "simulated"
-        self.of_look = look or not self.simulated
+        self.of_look = look
         self.protocols, self.settings = list(settings["protocols"]), settings
         if self.of_look:
             paths.require(workspace.scores(experiment), f"python -m pipeline.stages.evaluate {experiment}")
-            self.results = one_table.of_look(workspace, experiment, own=not self.simulated)
+            self.results = one_table.of_look(workspace, experiment)
         else:
             self.results = one_table.results(workspace, [], experiment)
-        sets = (
-            shards.read_sets(workspace)
-            if self.simulated and (shards.folder(workspace) / "shards.yaml").exists()
-            else {}
-        )
+        sets = shards.read_sets(workspace) if (shards.folder(workspace) / "shards.yaml").exists() else {}
         self.varied = {each.variant: each for each in sets.values() if each.variant and each.experiment == experiment}
         of_experiment = [each.variants for each in sets.values() if each.experiment == experiment]
         self.variants = {name: one for each in of_experiment for name, one in each.items()}
@@ -61,7 +56,7 @@ class Report:
             if each.experiment == experiment and not (each.variant or shards.study(each))
         }
         self._sets = {protocol: each for each in self.of_tables.values() for protocol in each.protocols}
-        paper = facts(experiment).paper if self.simulated else None
+        paper = facts(experiment).paper
         rows = published.table(paper.key if paper else "").itertuples()
         self._printed = {(row.condition, row.model, row.variant, row.metric): (row.value, row.step) for row in rows}
         self._claims: Callable[..., str] = tables_of(workspace, experiment, self.results)
@@ -156,7 +151,7 @@ class Report:
         """
         if self.of_look:
             runs = [
-                results.read_fit(self.workspace, self.experiment, model, protocol, seed).history.assign(
+                estimates.read_fit(self.workspace, self.experiment, model, protocol, seed).history.assign(
                     model=model, protocol=protocol, seed=seed, budget=LOOK
                 )
                 for protocol in protocols
@@ -171,19 +166,11 @@ class Report:
         rows = rows[rows["protocol"].isin(list(protocols)) & rows["model"].isin(self.models)]
         return rows[[*CURVE, "budget"]]
 
-    def score(self, protocol: str, condition: str, model: str, metric: str, variant: str = "", **how: Any) -> str:
-        """Return `mean [low, high]` of a model; how: see `text`."""
-        return self.text(self.estimate(protocol, condition, model, metric, variant), metric, **how)
+    text = staticmethod(markdown.score)
 
-    def text(self, value: Estimate, metric: str, digits: int = 2, percent: bool = False, runs: int = 0) -> str:
-        """Return an estimate as words; a failed run is said, and where fewer than `runs` were made, how many."""
-        if not value.runs + value.failed:
-            return "not run"
-        if metric in COUNTS and value.runs:
-            return size(value.mean)
-        digits = digits if percent or scale_of(metric) not in (SHARE, R2) else 3
-        said = interval(value.percent() if percent else value, digits)
-        return said if value.runs + value.failed >= runs else f"{said}, of {value.runs + value.failed}"
+    def score(self, protocol: str, condition: str, model: str, metric: str, variant: str = "", **how: Any) -> str:
+        """Return `mean [low, high]` of a model; how: see `markdown.score`."""
+        return self.text(self.estimate(protocol, condition, model, metric, variant), metric, **how)
 
     def printed(self, condition: str, model: str, metric: str, variant: str = "", percent: bool = False) -> str:
         """Return the number that the paper prints, with its digits; a dash where it prints none."""
@@ -279,6 +266,6 @@ class Report:
 
     def write(self, path: Path, template: str, **values: Any) -> None:
         """Write a filled template; a line of a figure that was not drawn beside it is left out."""
-        lines = templates.render(template, r=self, **values).splitlines(keepends=True)
+        lines = texts.render(template, r=self, **values).splitlines(keepends=True)
         drawn = (line for line in lines if not (of := FIGURE.match(line)) or (path.parent / of[1]).exists())
         files.write_text(path, "".join(drawn))

@@ -7,13 +7,14 @@ import pandas as pd
 
 from pipeline.base.errors import InputError
 from pipeline.base.processes import processor
+from pipeline.drawing.labels import FRONTS, MACHINES, SPREAD, TIMES, model_name, split_name
+from pipeline.drawing.markdown import interval, size
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import FRONTS, MACHINES, SPREAD, TIMES, model_name, split_name
-from pipeline.reporting.words.markdown import interval, size
-from pipeline.reporting.words.templates import render
-from pipeline.scoring import results, times
-from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
-from pipeline.scoring.results import Estimate
+from pipeline.reporting.texts import render
+from pipeline.results import times
+from pipeline.results.claim_inputs import FULL, HALF, LOOK
+from pipeline.scoring import estimates
+from pipeline.scoring.estimates import Estimate
 
 ESTIMATE = ["error", "low", "high", "runs", "failed"]  # columns of one Estimate
 MEASURED = ("p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms")
@@ -54,7 +55,7 @@ def timed(report: Report, settings: Mapping) -> dict[tuple[str, int], Mapping]:
     """
     if report.of_look:
         here = {times.MACHINE: processor(), "calls": settings["latency"]["calls"]}
-        rows = results.read_latency(report.workspace, report.experiment, settings)
+        rows = estimates.read_latency(report.workspace, report.experiment, settings)
         return {key: {**row, **here} for key, row in rows.items()}
     rows = times.predictions(report.workspace, report.experiment)
     rows = rows[rows["model"].isin(settings["models"])]
@@ -99,7 +100,7 @@ def speed_table(
             row |= dict(zip(ESTIMATE, error_of(report, protocol, condition, model, metric), strict=True))
             row |= of_model(latency, model)
             if report.of_look:
-                taken = results.read_training_times(report.workspace, report.experiment, model, protocol)
+                taken = estimates.read_training_times(report.workspace, report.experiment, model, protocol)
             else:
                 taken = trained.seconds(protocol, model, budget)
             row |= dict(zip(("train_s", *SPREAD["train_s"]), spread(taken), strict=True))

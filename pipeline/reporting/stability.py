@@ -14,10 +14,7 @@ from pipeline.base import files
 from pipeline.base.paths import Workspace
 from pipeline.claims import stability as verdicts
 from pipeline.claims.stability import DOWN, FAILURES, FLOOR, LINEAR, LOG, NO_CLEAN, NO_ORDER, STARTS, UNUSABLE, UP
-from pipeline.experiments import facts
-from pipeline.reporting.figures import stability as figures
-from pipeline.reporting.tables import Table
-from pipeline.reporting.words.labels import (
+from pipeline.drawing.labels import (
     MEASURES,
     capitalised,
     condition_name,
@@ -26,11 +23,15 @@ from pipeline.reporting.words.labels import (
     perturbation,
     split_name,
 )
-from pipeline.reporting.words.markdown import number
-from pipeline.reporting.words.templates import render
-from pipeline.scoring import one_table, results, shards
-from pipeline.scoring.claim_inputs import FULL
-from pipeline.scoring.results import Estimate
+from pipeline.drawing.markdown import number
+from pipeline.experiments import facts
+from pipeline.reporting.figures import stability as figures
+from pipeline.reporting.tables import Table
+from pipeline.reporting.texts import render
+from pipeline.results import one_table, shards
+from pipeline.results.claim_inputs import FULL
+from pipeline.scoring import estimates
+from pipeline.scoring.estimates import Estimate
 
 COLUMNS = [
     "experiment",
@@ -91,7 +92,7 @@ def stability(workspace: Workspace, folder: Path, values: Mapping) -> pd.DataFra
             files.write_table(folder / f"{name}.csv", table)
     told = {"starts": starts(joined["starts"]), "helped": helped(joined["helped"]) if len(joined["helped"]) else None}
     told |= {"worse": verdicts.WORSE, "draws": verdicts.DRAWS, "span": verdicts.SPAN, "highest": figures.HIGHEST}
-    told["fewest"] = results.FEWEST
+    told["fewest"] = estimates.FEWEST
     files.write_text(folder / "README.md", render("stability", parts=parts, **told))
     return stress[COLUMNS]
 
@@ -221,7 +222,7 @@ def panels(runs: pd.DataFrame, rows: pd.DataFrame) -> list[figures.Panel]:
 def curve(own: verdicts.Runs, judged: pd.DataFrame) -> figures.Curve:
     """Return the curve of a model under one test; judged: its rows of failures.csv."""
     if own.over in ("", verdicts.SEEDS):
-        levels = [results.estimate(each, results.LOG) for each in own.errors.T]
+        levels = [estimates.estimate(each, estimates.LOG) for each in own.errors.T]
         low, high = (np.array([getattr(each, end) for each in levels]) for end in ("low", "high"))
     else:
         low, high = np.quantile(own.draws, verdicts.TAILS, axis=0)
@@ -392,7 +393,7 @@ def without_axis(table: pd.DataFrame, rows: pd.DataFrame, experiment: str) -> Ta
     cells = []
     for model in dict.fromkeys([*clean.sort_values(kind="stable").index, verdicts.FLOOR]):
         runs = [own[own["model"] == model].groupby("seed")["error"].mean() for own in columns.values()]
-        levels = [results.estimate(each, results.LOG) for each in runs]
+        levels = [estimates.estimate(each, estimates.LOG) for each in runs]
         row = [model_name(model), *([error(clean.get(model, np.nan))] if clean.notna().any() else [])]
         cells.append(row + [_interval(each, error) for each in levels])
     head = ["Model", *([f"Clean ({unit})"] if clean.notna().any() else [])]

@@ -9,15 +9,16 @@ import pandas as pd
 from pipeline.base import files
 from pipeline.base.paths import Workspace
 from pipeline.base.processes import processor
+from pipeline.drawing import common
+from pipeline.drawing.labels import plain
 from pipeline.experiments import strain as strain_experiment
 from pipeline.reporting import experiment
-from pipeline.reporting.figures import answers, common
+from pipeline.reporting.figures import answers, curves
 from pipeline.reporting.figures import strain as figures
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import plain
-from pipeline.scoring import kept, shards
-from pipeline.scoring.results import LOG
-from pipeline.scoring.strain_results import STUDIES, read_latents, read_study
+from pipeline.results import kept, shards
+from pipeline.results.strain_results import STUDIES, read_latents, read_study
+from pipeline.scoring.estimates import LOG
 
 FIGURES = {"task_1": "figure5", "task_2": "figure6"}  # of direct training
 AXES = "xyz"
@@ -121,13 +122,13 @@ def draw_time(report: Report, path: Path) -> None:
         if len(rows):
             captions.append(report.caption(task))
             panels[plain(task)] = [
-                common.line(model, {at: [error] for at, error in zip(own["t_s"] / 60, own["error"], strict=True)})
+                curves.line(model, {at: [error] for at, error in zip(own["t_s"] / 60, own["error"], strict=True)})
                 for model, own in rows.groupby("model", observed=True, sort=False)
             ]
     if panels:
         title = f"Error against time since training ended\n{captions[0].rpartition(', ')[0]}"
         names = ("Time since training ended (min)", "Error (mm) in a tenth of the test part")
-        common.curves(path, panels, title, names, LOG, ticks=range(0, 21, 5))
+        curves.curves(path, panels, title, names, LOG, ticks=range(0, 21, 5))
 
 
 def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFrame]) -> None:
@@ -144,14 +145,14 @@ def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFram
         ticks = sorted(table[column].unique())
         for task, runs in table.groupby("protocol", sort=False):
             lines = [
-                common.line(model, {x: part["value"] for x, part in group.groupby(column)})
+                curves.line(model, {x: part["value"] for x, part in group.groupby(column)})
                 for model, group in runs.groupby("model", sort=False)
             ]
             if "constant" in report.models:
                 floor = [report.estimate(task, task, "constant", "error").mean]
-                lines.append(common.line("constant", dict.fromkeys(ticks, floor), marker=""))
+                lines.append(curves.line("constant", dict.fromkeys(ticks, floor), marker=""))
             panels[plain(task)] = lines
-        common.curves(folder / f"{name}.png", panels, title, (xlabel, ERROR), LOG, log=True, ticks=ticks)
+        curves.curves(folder / f"{name}.png", panels, title, (xlabel, ERROR), LOG, log=True, ticks=ticks)
     if "drift" not in studies:
         return
     decoders: dict[str, dict[str, dict[str, pd.Series]]] = {}
@@ -159,7 +160,7 @@ def draw_studies(folder: Path, report: Report, studies: Mapping[str, pd.DataFram
     for (task, target, seen), values in sorted(grouped, key=lambda part: not part[0][2].startswith("raw")):
         decoders.setdefault(plain(task), {}).setdefault(target, {})[seen] = values
     title = "Is the latent space free of drift? (0: nothing can be read, 1: everything)"
-    common.bars(folder / "drift.png", decoders, title, "R2 of a linear decoder,\nheld-out blocks", (LEAST_R2, 1.05))
+    curves.bars(folder / "drift.png", decoders, title, "R2 of a linear decoder,\nheld-out blocks", (LEAST_R2, 1.05))
     rows = [
         (f"{task}: {SEEN.get(seen, 'voltages')}", values.clip(lower=0).to_list())  # less than the mean tells is nothing
         for task, of_task in decoders.items()

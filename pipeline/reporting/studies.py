@@ -17,21 +17,18 @@ from pipeline.base import files
 from pipeline.base.paths import Workspace
 from pipeline.claims import physics as physics_verdicts
 from pipeline.claims import sizes as sizes_verdicts
+from pipeline.drawing.labels import experiment_name, model_name, task_name
+from pipeline.drawing.markdown import number
 from pipeline.experiments import facts
 from pipeline.reporting import tables
 from pipeline.reporting.figures import physics as physics_figures
 from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.reporting.figures import twins as twins_figures
-from pipeline.reporting.words.labels import (
-    experiment_name,
-    model_name,
-    task_name,
-)
-from pipeline.reporting.words.markdown import number
-from pipeline.reporting.words.templates import render
-from pipeline.scoring import one_table, results, shards
-from pipeline.scoring.results import kept_rows
-from pipeline.scoring.studies import FAMILIES, effects
+from pipeline.reporting.texts import render
+from pipeline.results import one_table, shards
+from pipeline.results.studies import FAMILIES, effects
+from pipeline.scoring import estimates
+from pipeline.scoring.estimates import kept_rows
 
 TWINS = ["statistic", "unit", "source", "recording", "value", "meaning", "note"]  # of data/<experiment>/twins.csv
 SIDES = ("recorded", "simulated")
@@ -111,7 +108,7 @@ def twins(workspace: Workspace, folder: Path, _: Mapping) -> pd.DataFrame:
     is pressed with the recorded forces.
     """
     measured = {
-        name: results.read_csv(workspace.twins(name), TWINS, f"python -m pipeline.stages.twins {name}")
+        name: estimates.read_csv(workspace.twins(name), TWINS, f"python -m pipeline.stages.twins {name}")
         for name in experiments.having("twin")
     }
     absent = [name for name, table in measured.items() if "recorded" not in set(table["source"])]

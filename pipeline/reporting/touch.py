@@ -9,14 +9,15 @@ import numpy as np
 
 from pipeline.base import files
 from pipeline.base.paths import Workspace
-from pipeline.reporting import experiment
-from pipeline.reporting.figures import answers, common
+from pipeline.drawing import common
+from pipeline.drawing.labels import TIMES, model_name, plain, task_name
+from pipeline.reporting import experiment, texts
+from pipeline.reporting.figures import answers
 from pipeline.reporting.figures import touch as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.speed import timed
-from pipeline.reporting.words import templates
-from pipeline.reporting.words.labels import TIMES, model_name, plain, task_name
-from pipeline.scoring import kept, metrics, studies, times
+from pipeline.results import kept, studies, times
+from pipeline.scoring import metrics
 
 UNITS = {  # of table1.csv
     "rmse": "kPa",
@@ -54,7 +55,7 @@ def write(workspace: Workspace, target: Path, settings: Mapping, look: bool) -> 
     )
     panels = {task_name(name): (main, name) for name in ("single", "double") if name in conditions}
     machine = times.one_machine([row[times.MACHINE] for row in timed(report, settings).values()], TIMES["p50_ms"])
-    end = "\n" + templates.render("touch_times", r=report, machine=machine)
+    end = "\n" + texts.render("touch_times", r=report, machine=machine)
     experiment.write_speed(report, target, settings, panels, ("rmse", "RMSE (kPa)"), end=end)
 
 

@@ -33,6 +33,7 @@ Numbers come from `velostat.json`, written by tools/fit_material.py.
 """
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -45,8 +46,6 @@ FITTED = Path(__file__).with_name("velostat.json")
 LEAST_FORCE_N = 1e-9  # stands for no force, so that logarithms exist; far below the threshold F0
 PIVOT_N = 10.0  # F1, in the middle of the recorded 0.5 to 45 N on a logarithmic scale
 PLAY_OPERATORS = 3
-RASTER = (4, 4)  # places of a recording, rows and columns
-STEP_MM = (3.75, 3.25)  # between two rows, and between two places of a row
 
 
 @dataclass(frozen=True)
@@ -73,6 +72,8 @@ class Places(NamedTuple):
     gain_std: float  # of the log gain
     exponent_std: float  # of e
     neighbour_correlation: float  # of the log gain at places one step of the recorded raster apart
+    raster: Sequence[int]  # rows and columns of the places of a recording
+    step_mm: Sequence[float]  # between two rows, and between two places of a row
 
 
 @cache

@@ -115,7 +115,7 @@ def field_spread(length_mm: float) -> tuple[float, float]:
     Those within the recorded raster, over the root of 1 less the mean correlation of its places with one another.
     """
     film = material.load_places()
-    raster = [np.arange(count) * step for count, step in zip(material.RASTER, material.STEP_MM, strict=True)]
+    raster = [np.arange(count) * step for count, step in zip(film.raster, film.step_mm, strict=True)]
     points = np.stack(np.meshgrid(*raster), axis=-1).reshape(-1, 2)
     apart = np.linalg.norm(points[:, None] - points, axis=-1)
     within = np.sqrt(1 - np.exp(-(apart**2) / (2 * length_mm**2)).mean())

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from pipeline.scoring.results import CONFIDENCE, clopper_pearson
+from pipeline.scoring.estimates import CONFIDENCE, clopper_pearson
 
 LEVEL = 0.9  # share of truths that an interval is to hold
 PLAUSIBLE = (0.86, 0.94)  # a measured coverage outside is flagged

@@ -16,7 +16,7 @@ from pipeline.datasets import images, schemas, specimens
 from pipeline.experiments import glove
 from pipeline.experiments.strain_recorded import SHARED
 from pipeline.experiments.touch import RESISTANCE
-from pipeline.scenes import material
+from pipeline.experiments.velostat_recorded import RASTER, STEP_MM
 from pipeline.sheet import cycles
 from pipeline.sheet.cycles import Log, Sensor
 
@@ -126,16 +126,16 @@ def areas_of_glove(name: str, read: Sequence[pa.Table], settings: Mapping, simul
 def taxel(name: str, read: Sequence[pa.Table], settings: Mapping, simulated: bool) -> list[Sensor]:
     """Return the recorded taxel; where a recording has one press for each place of the raster, places are known.
 
-    Readings are resistances in ohm if the reference of the taxel's reader has 1 kohm (pipeline/scenes/material.py).
+    Readings are resistances in ohm if the reference of the taxel's reader has 1 kohm.
     """
-    columns, steps = material.RASTER[1], material.STEP_MM
+    columns, steps = RASTER[1], STEP_MM
     (sensor,), logs = array(name, read, settings, simulated), []
     for log in sensor.logs:
         place, rest = log.place, np.percentile(log.stimulus, 10)
         log = log._replace(stimulus=log.stimulus - rest)
         top = cycles.full_scale(Sensor(name, "", "N", [log]))
         found = cycles.presses(log.time_s, log.stimulus, cycles.REST * top, cycles.BRIEFEST_S)
-        if len(found) == np.prod(material.RASTER):
+        if len(found) == np.prod(RASTER):
             middle = [(a.stop + b.first) // 2 for a, b in zip(found, found[1:], strict=False)]
             number = np.searchsorted(middle, np.arange(len(place)), side="right")
             place = np.column_stack([number // columns * steps[0], number % columns * steps[1]]).astype(float)

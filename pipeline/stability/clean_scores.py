@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring.results import read_csv
+from pipeline.scoring.estimates import read_csv
 
 KEY = ["protocol", "condition", "model", "seed", "metric"]
 

@@ -8,8 +8,8 @@ import pyarrow as pa
 from pipeline import experiments, tasks
 from pipeline.base.paths import Workspace
 from pipeline.base.stress_tests import StressTest
+from pipeline.results.units import Units, losses
 from pipeline.scoring import metrics
-from pipeline.scoring.units import Units, losses
 
 Row = tuple[str, str, float, int, str]  # of metrics.Row, and the blocks of the main metric, see `Units`
 Scored = Iterable[tuple[str, list[Row]]]  # condition, rows of scores

@@ -12,9 +12,10 @@ import pandas as pd
 
 from pipeline.base import arguments, files, params
 from pipeline.base.paths import Workspace
-from pipeline.reporting.words.markdown import table
-from pipeline.scoring import results, shards
-from pipeline.scoring.claim_inputs import FULL, HALF
+from pipeline.drawing.markdown import table
+from pipeline.results import shards
+from pipeline.results.claim_inputs import FULL, HALF
+from pipeline.scoring import estimates
 
 GROUP = ["experiment", "protocol", "condition", "model", "metric"]
 KEY = [*GROUP, "seed"]
@@ -37,7 +38,7 @@ def spreads(evidence: pd.DataFrame) -> pd.Series:
     found = []
     for at in (FULL, HALF):
         values = rows[rows["budget"].fillna("").isin([at, ""])].groupby(GROUP)["value"].agg(["std", "mean"])
-        relative = values.index.get_level_values("metric").map(results.scale_of) == results.LOG
+        relative = values.index.get_level_values("metric").map(estimates.scale_of) == estimates.LOG
         found.append((values["std"] / np.where(relative, values["mean"].abs(), 1.0)).dropna())
     full, half = found
     return full.combine_first(half)
@@ -52,7 +53,7 @@ def tolerances(committed: pd.DataFrame, spread: pd.Series) -> pd.Series:
     own = spread.reindex(pd.MultiIndex.from_frame(committed[GROUP])).to_numpy(float)
     others = of_others.reindex(pd.MultiIndex.from_frame(committed[of_others.index.names])).to_numpy(float)
     size = committed["value"].abs()
-    relative = committed["metric"].map(results.scale_of) == results.LOG
+    relative = committed["metric"].map(estimates.scale_of) == estimates.LOG
     known = np.nan_to_num(np.where(np.isnan(own), others, own))
     return np.maximum(known * size.where(relative, 1.0), LEAST * size)
 
@@ -110,7 +111,7 @@ def report(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series) -> 
 def accept(workspace: Workspace, scores: pd.DataFrame) -> None:
     """Write the scores of this machine to look.csv, in place of those of the same experiments."""
     path = workspace.root / COMMITTED
-    former = results.read_csv(path, ROWS, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
+    former = estimates.read_csv(path, ROWS, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
     others = former[~former["experiment"].isin(scores["experiment"])]
     files.write_table(path, pd.concat([scores, others])[ROWS], missing="nan")
     print(f"{COMMITTED}: {len(scores)} numbers of this machine, {len(others)} as they were")
@@ -120,13 +121,13 @@ def main(workspace: Workspace) -> None:
     """Compare the scores of all experiments of the settings, or accept them."""
     given = arguments.parse(__doc__, what=(ACCEPT, None))
     experiments = params.load(workspace.params)["experiments"]
-    here = [results.read_csv(workspace.scores(name), ROWS, "dvc repro evaluate") for name in experiments]
+    here = [estimates.read_csv(workspace.scores(name), ROWS, "dvc repro evaluate") for name in experiments]
     scores = pd.concat([part for part in here if len(part)] or here)
     if given.what == ACCEPT:
         accept(workspace, scores)
         return
     path = workspace.root / COMMITTED
-    committed = results.read_csv(path, ROWS, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
+    committed = estimates.read_csv(path, ROWS, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
     if len(committed):
         text, sentence = report(committed, scores, spreads(shards.read(workspace)))
     else:

@@ -7,7 +7,7 @@ Usage: python -m pipeline.stages.claim_inputs EXPERIMENT
 from pipeline import experiments
 from pipeline.base import arguments, files, params
 from pipeline.base.paths import Workspace
-from pipeline.scoring import claim_inputs
+from pipeline.results import claim_inputs
 
 
 def main(workspace: Workspace) -> None:

@@ -15,8 +15,8 @@ from pipeline.base import arguments, files, foreign, params, paths
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
-from pipeline.scoring import shards, times, units
-from pipeline.scoring.claim_inputs import LOOK
+from pipeline.results import shards, times, units
+from pipeline.results.claim_inputs import LOOK
 
 # What others read first.
 SCORES = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n", "budget", "variant"]

@@ -14,7 +14,7 @@ from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.learning.trained import Trained
-from pipeline.scoring import kept
+from pipeline.results import kept
 
 COLUMNS = ("experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n")
 

@@ -10,7 +10,7 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.rules import VERDICTS
 from pipeline.reporting.claims import text
-from pipeline.scoring import one_table
+from pipeline.results import one_table
 
 
 def main(workspace: Workspace) -> None:

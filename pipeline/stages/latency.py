@@ -23,7 +23,7 @@ from pipeline import tasks
 from pipeline.base import arguments, files, params, paths
 from pipeline.base.availability import why_not_run
 from pipeline.base.paths import Workspace
-from pipeline.scoring.times import COLUMNS
+from pipeline.results.times import COLUMNS
 
 FEWER = 10  # batches of many windows are predicted this much less often: their times vary less, and they are long
 

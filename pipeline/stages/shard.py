@@ -27,10 +27,10 @@ from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
-from pipeline.scoring import claim_inputs, kept, shards, units
-from pipeline.scoring.claim_inputs import FULL, HALF
-from pipeline.scoring.results import read_csv
-from pipeline.scoring.shards import Shard
+from pipeline.results import claim_inputs, kept, shards, units
+from pipeline.results.claim_inputs import FULL, HALF
+from pipeline.results.shards import Shard
+from pipeline.scoring.estimates import read_csv
 from pipeline.settings.shards import ShardSet
 
 CURVE_POINTS = 20

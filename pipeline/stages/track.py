@@ -1,6 +1,6 @@
 """Bring MLflow's store in line with the results, as `tactile track` does, unless neither has changed since then.
 
-pipeline/inference/mlflow_runs.py says what a run holds. To compare every run with the store takes ten seconds, to see
+pipeline/tracking/mlflow_runs.py says what a run holds. To compare every run with the store takes ten seconds, to see
 that no file of results, settings, code or store has another size or time of change a tenth of one.
 Usage: python -m pipeline.stages.track
 """
@@ -30,7 +30,7 @@ def main(workspace: Workspace) -> None:
     if own_store and mark.is_file() and mark.read_text(encoding="utf-8") == results + state([database]):
         print("MLflow's store has these results; `tactile track` prints the links that compare them")
         return
-    from pipeline.inference import mlflow_runs  # here, because the import of MLflow takes seconds
+    from pipeline.tracking import mlflow_runs  # here, because the import of MLflow takes seconds
 
     mlflow_runs.track(workspace, values)
     if own_store:

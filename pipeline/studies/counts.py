@@ -13,7 +13,7 @@ from pipeline.base import arguments, files, params
 from pipeline.base.paths import Workspace
 from pipeline.learning import cost
 from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
-from pipeline.scoring import published
+from pipeline.results import published
 from pipeline.studies.operations import operations
 
 COLUMNS = ("experiment", "model", "input_shape", "classes", "macs", "params")

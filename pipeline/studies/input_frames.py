@@ -15,7 +15,8 @@ from pipeline import models
 from pipeline.base import arguments, files, params, workers
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
-from pipeline.scoring import classification, frame_sets, metrics
+from pipeline.results import frame_sets
+from pipeline.scoring import classification, metrics
 from pipeline.tasks import images as tasks_images
 
 COLUMNS = ("condition", "form", "model", "seed", "frames", "metric", "unit", "value", "n")

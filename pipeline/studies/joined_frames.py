@@ -12,8 +12,8 @@ from pipeline.datasets.seeding import generator
 from pipeline.learning.image_classifier import ImageClassifier
 from pipeline.learning.regressors import Windows
 from pipeline.learning.training import Progress
+from pipeline.results.frame_sets import drawn_sets, fixed_sets
 from pipeline.scoring import classification, metrics
-from pipeline.scoring.frame_sets import drawn_sets, fixed_sets
 
 
 class JoinedFrames(nn.Module):

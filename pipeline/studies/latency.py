@@ -6,7 +6,7 @@ Usage: python -m pipeline.studies.latency EXPERIMENT SEED
 
 from pipeline.base import arguments, files, modules, params
 from pipeline.base.paths import Workspace
-from pipeline.scoring.times import LATENCY
+from pipeline.results.times import LATENCY
 
 
 def main(workspace: Workspace) -> None:

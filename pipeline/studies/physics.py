@@ -14,7 +14,7 @@ from tqdm import tqdm
 from pipeline.base import arguments, files, params, workers
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
-from pipeline.scoring.studies import PHYSICS, effects
+from pipeline.results.studies import PHYSICS, effects
 from pipeline.stability import changed_scene
 
 

@@ -19,9 +19,9 @@ from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.learning.trained import Trained
-from pipeline.scoring import shards
-from pipeline.scoring.claim_inputs import COLUMNS
-from pipeline.scoring.published import ANY
+from pipeline.results import shards
+from pipeline.results.claim_inputs import COLUMNS
+from pipeline.results.published import ANY
 from pipeline.settings.shards import Variant
 
 # What training reads and a dataset is not made of, or what it may see less of. Any other setting would change nothing.

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from sklearn.metrics import precision_recall_fscore_support
 
-from pipeline.scoring import conformal, metrics, results
+from pipeline.scoring import conformal, estimates, metrics
 from pipeline.targets import models
 from pipeline.targets.features import Windows
 from pipeline.targets.models import Row
@@ -22,7 +22,12 @@ INNER = 4  # parts of what trains
 FEWEST = 3  # groups that an interval is of
 CHOSEN = "chosen on the other groups"
 RMSE, R2, HALF_WIDTH, CLASSES = "RMSE", "R2", "half width of an interval", "classes in a set"
-SCALES = {RMSE: results.LOG, R2: results.R2, HALF_WIDTH: results.LOG, CLASSES: results.LOG}  # all others are shares
+SCALES = {
+    RMSE: estimates.LOG,
+    R2: estimates.R2,
+    HALF_WIDTH: estimates.LOG,
+    CLASSES: estimates.LOG,
+}  # all others are shares
 COVERAGE = "coverage"
 COLUMNS = ["test", "model", "metric", "unit", "value", "n"]
 
@@ -273,8 +278,8 @@ def covered(
     return [(COVERAGE, "1", share, len(truth)), (name, unit, size, len(truth))]
 
 
-def over_tests(tested: Tested, model: str, metric: str) -> results.Estimate:
+def over_tests(tested: Tested, model: str, metric: str) -> estimates.Estimate:
     """Return mean and 95 % interval of a score over tests; without an interval below FEWEST groups."""
     scores = tested.scores[(tested.scores["model"] == model) & (tested.scores["metric"] == metric)]
-    found = results.estimate(scores["value"], SCALES.get(metric, results.SHARE))
+    found = estimates.estimate(scores["value"], SCALES.get(metric, estimates.SHARE))
     return found if min(found.runs, tested.groups) >= FEWEST else found._replace(low=np.nan, high=np.nan)

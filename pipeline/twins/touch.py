@@ -146,9 +146,9 @@ def places_of(number: int, scene: Mapping, sensor: Mapping) -> np.ndarray:
     """Return the fields of places at the 16 places of the raster in the middle of an element, (2, 16)."""
     fields = touch_contact.places(scene, sensor, scene["material"]["correlation_mm"])
     row, column = divmod(number, sensor["cols"])
+    film = material.load_places()
     offsets = [
-        (np.arange(count) - (count - 1) / 2) * step
-        for count, step in zip(material.RASTER, material.STEP_MM, strict=True)
+        (np.arange(count) - (count - 1) / 2) * step for count, step in zip(film.raster, film.step_mm, strict=True)
     ]
     x, y = ((index + 0.5) * sensor["pitch_mm"] for index in (column, row))
     points = [(y + across, x + along) for across in offsets[0] for along in offsets[1]]

@@ -90,7 +90,7 @@ def test_help_stands_without_docstrings_and_in_a_notebook(arguments, words):
 
 def test_a_matplotlibrc_changes_no_figure(tmp_path):
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfont.size: 30\n")
-    style = "from pipeline.reporting.figures.style import plt"
+    style = "from pipeline.drawing.style import plt"
     code = f"{style}; print(plt.rcParams['text.usetex'], plt.rcParams['font.size'])"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True

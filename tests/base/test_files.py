@@ -226,5 +226,5 @@ def test_no_folder_outside_its_room_is_removed(name, tmp_path):
 def test_folders_are_removed_in_known_places():
     """That of files.remove_folder, and those of folders that their module has made."""
     calls = {path.relative_to(CODE).as_posix(): path.read_text().count("rmtree(") for path in CODE.rglob("*.py")}
-    known = {"base/files.py": 1, "commands/own.py": 1, "inference/mlflow_runs.py": 1}
+    known = {"base/files.py": 1, "commands/own.py": 1, "tracking/mlflow_runs.py": 1}
     assert {file: count for file, count in calls.items() if count} == known

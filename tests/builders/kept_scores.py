@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from pipeline import experiments
 from pipeline.datasets.images import modality
-from pipeline.scoring import kept
+from pipeline.results import kept
 
 KEY = ["protocol", "condition", "model", "seed", "metric"]
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from pipeline.scoring import claim_inputs, one_table
+from pipeline.results import claim_inputs, one_table
 
 FOLDS, FURTHER = ([f"{name}_{fold}" for fold in range(5)] for name in ("fold", "two_too"))
 ERRORS = {  # model -> error on one contact, on two and on three, in % of contact

@@ -5,8 +5,8 @@ import yaml
 
 from pipeline.base import files
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards
-from pipeline.scoring.claim_inputs import COLUMNS
+from pipeline.results import shards
+from pipeline.results.claim_inputs import COLUMNS
 
 METRICS = {"touch": ("rmse", "kPa"), "strain": ("error", "mm"), "glove": ("macro_precision", "1")}
 

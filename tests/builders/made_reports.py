@@ -16,14 +16,15 @@ from pipeline.base import params
 from pipeline.base.files import sha256, write_table
 from pipeline.base.params import load
 from pipeline.datasets import images, labels, schemas
+from pipeline.drawing import common
 from pipeline.experiments import array_recorded as array
-from pipeline.reporting.figures import common, speed
 from pipeline.reporting.figures import glove as glove_figures
+from pipeline.reporting.figures import speed
 from pipeline.reporting.figures import strain as strain_figures
 from pipeline.reporting.figures import touch as touch_figures
-from pipeline.scoring import claim_inputs, kept, one_table, shards
-from pipeline.scoring import units as by_unit
-from pipeline.scoring.results import R2, SHARE, scale_of
+from pipeline.results import claim_inputs, kept, one_table, shards
+from pipeline.results import units as by_unit
+from pipeline.scoring.estimates import R2, SHARE, scale_of
 from pipeline.stages import render
 
 TRAINING = {"training": {"epochs": 3}}

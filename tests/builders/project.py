@@ -22,8 +22,8 @@ from pipeline.base.availability import why_not_run
 from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.base.processes import ONE_THREAD
-from pipeline.scoring import shards
-from pipeline.scoring.claim_inputs import FULL
+from pipeline.results import shards
+from pipeline.results.claim_inputs import FULL
 from pipeline.stages import agreement, shard
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.base import files
 from pipeline.experiments import facts
-from pipeline.scoring import shards
+from pipeline.results import shards
 
 Curve = Callable[[float, int], float]  # severity, seed -> error
 

@@ -13,7 +13,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.rules import BEYOND, CONTRADICTED, REPRODUCED, UNDECIDED, interval
-from pipeline.scoring import one_table, shards
+from pipeline.results import one_table, shards
 from pipeline.stages import shard
 
 CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / "lomp.yaml"])

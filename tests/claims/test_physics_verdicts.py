@@ -16,9 +16,9 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import physics as physics_verdicts
 from pipeline.claims.physics import CHANGES, EQUIVALENT, FAILED, MARGIN, NONE, UNKNOWN, assess
 from pipeline.reporting import tables
-from pipeline.scoring import studies
-from pipeline.scoring.studies import PHYSICS as COLUMNS
-from pipeline.scoring.studies import effects
+from pipeline.results import studies
+from pipeline.results.studies import PHYSICS as COLUMNS
+from pipeline.results.studies import effects
 from pipeline.stages import twins as twins_stage
 from pipeline.studies import physics as physics_study
 

@@ -12,7 +12,7 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import stability
 from pipeline.claims.stability import DOWN, LINEAR, LOG, NO_CLEAN, NO_ORDER, UP
 from pipeline.experiments import facts
-from pipeline.scoring import shards
+from pipeline.results import shards
 
 DOUBLE = ("press", "double")
 SLOPES = (8.0, 10.0, 12.0, 10.0)  # of an error over severity, by seed

@@ -26,7 +26,8 @@ from pipeline.claims.rules import (
     REPRODUCED,
     UNDECIDED,
 )
-from pipeline.scoring import claim_inputs, one_table, published, results, shards
+from pipeline.results import claim_inputs, one_table, published, shards
+from pipeline.scoring import estimates
 
 CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
 BY_ID = {claim.id: claim for claim in CLAIMS}
@@ -214,9 +215,9 @@ def test_rules(rule, values, options, verdict):
 def test_a_printed_number_that_one_more_specimen_may_have_is_a_likely_draw(values, printed, best, likely):
     found = rules.near({"a": pd.Series(values)}, {"a": printed}, best=best)
     assert (rules.LIKELY in found.reason) == likely == (found.draw_low <= printed <= found.draw_high)
-    scale = results.SHARE if best else results.LOG if min(values) > 0 else results.PLAIN
+    scale = estimates.SHARE if best else estimates.LOG if min(values) > 0 else estimates.PLAIN
     whole = best or 1
-    ends = [whole * end for end in results.prediction(np.array(values) / whole, scale)]
+    ends = [whole * end for end in estimates.prediction(np.array(values) / whole, scale)]
     assert [found.draw_low, found.draw_high] == pytest.approx(ends)
     drawn = pd.Series([*values, *values], index=pd.RangeIndex(2 * len(values), name="draw"))
     over = rules.near({"a": drawn}, {"a": printed}, best=best)

@@ -19,13 +19,13 @@ from pipeline.base import params
 from pipeline.base.errors import InputError
 from pipeline.commands import check, own
 from pipeline.datasets import schemas
+from pipeline.drawing import check as check_figures
 from pipeline.experiments import strain
 from pipeline.logs import elements, layout
 from pipeline.logs.sniff import Proposal
 from pipeline.own import findings, recordings, summary
 from pipeline.own import logs as own_logs
 from pipeline.own import settings as own_settings
-from pipeline.reporting.figures import check as check_figures
 from pipeline.targets import read as targets_read
 
 PARAMS = params.load(ROOT / "params.yaml")

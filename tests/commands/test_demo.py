@@ -1,13 +1,10 @@
 """`tactile demo` shows what a trained model does, with nothing but a checkout."""
 
-import argparse
 import json
 import os
-import shlex
 import subprocess
 import sys
 import urllib.request
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +12,6 @@ from builders.project import ROOT
 
 from pipeline import experiments
 from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.commands import demo
 
 SAMPLE = ROOT / "data" / "sample"
 DEMO = [sys.executable, "-m", "pipeline.commands.command_line", "demo"]
@@ -71,24 +65,3 @@ def test_the_demo_replays_on_the_live_page():
         process.terminate()
         said = process.communicate(timeout=120)[1]
     assert "lines rejected" in said
-
-
-@pytest.mark.slow
-def test_the_logs_of_a_sensor_go_the_whole_way(tmp_path, monkeypatch, capsys):
-    """Every line that it prints, as it stands there, on fewer presses."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(demo, "SINGLE", demo.SINGLE | {"points_per_side": 4, "presses_per_recording": 16})
-    monkeypatch.setattr(demo, "DOUBLE", demo.DOUBLE | {"presses_per_recording": 2})
-    demo.main(Workspace(tmp_path), argparse.Namespace(logs=Path("bench") / "pad"))
-    said = capsys.readouterr().out
-    lines = [shlex.split(line, comments=True) for line in said.splitlines() if line.startswith("  tactile ")]
-    assert [words[1] for words in lines] == ["check", "sheet", "try", "predict", "live"]
-    assert "48 presses of one tip and 2 of two" in said
-    *whole, live = ([sys.executable, "-m", "pipeline.commands.command_line", *words[1:]] for words in lines)
-    for words in whole:
-        done = subprocess.run(words, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True)
-        assert done.returncode == 0, f"{words}\n{done.stdout}\n{done.stderr}"
-    assert "rmse (kPa)" in done.stdout
-    assert Path(live[-1]).is_file() and Path(live[4]).is_dir()
-    with pytest.raises(InputError, match="bench/pad: is there already"):
-        demo.main(Workspace(tmp_path), argparse.Namespace(logs=Path("bench") / "pad"))

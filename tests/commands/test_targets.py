@@ -14,7 +14,7 @@ from pipeline import experiments
 from pipeline.base import cards, processes
 from pipeline.commands import targets
 from pipeline.commands.targets import Effort
-from pipeline.reporting import own_target
+from pipeline.targets import report as own_target
 
 
 def test_a_target_is_checked_and_tested_without_any_other_log(workspace, called, monkeypatch):

@@ -16,7 +16,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims.rules import REPRODUCED
 from pipeline.commands import add
-from pipeline.scoring import shards
+from pipeline.results import shards
 from pipeline.stages import judge, render_study, shard
 
 VARIANT = "{models: [lstm_direct], protocols: [task_1], set: {strain.models.lstm_direct.units: %d}}"

@@ -20,8 +20,8 @@ from pipeline.base import params, paths, workers
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.reporting import studies
-from pipeline.scoring import shards
-from pipeline.scoring.times import LATENCY
+from pipeline.results import shards
+from pipeline.results.times import LATENCY
 from pipeline.stages import render, twins
 
 VALUES = params.load(ROOT / "params.yaml")

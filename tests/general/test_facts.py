@@ -9,10 +9,10 @@ from builders.project import ROOT
 
 from pipeline import experiments
 from pipeline.base import params
+from pipeline.drawing import labels
 from pipeline.inference import recordings
 from pipeline.logs import sources
 from pipeline.own import settings as own_settings
-from pipeline.reporting.words import labels
 
 VALUES = params.load(ROOT / "params.yaml")
 NAMES = set(experiments.NAMES)

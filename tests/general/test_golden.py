@@ -19,13 +19,14 @@ from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.rules import CONTRADICTED, OFF, REPRODUCED, UNDECIDED
 from pipeline.commands import coverage
+from pipeline.drawing.labels import FRONTS, SPREAD
 from pipeline.experiments import facts
 from pipeline.reporting import array, recorded, speed, stability, studies
 from pipeline.reporting import claims as claims_report
 from pipeline.reporting import experiment as experiment_report
 from pipeline.reporting.page import sections
-from pipeline.reporting.words.labels import FRONTS, SPREAD
-from pipeline.scoring import one_table, results, shown
+from pipeline.results import one_table, shown
+from pipeline.scoring import estimates
 from pipeline.stages import metrics, render, render_study, twins
 from pipeline.studies import counts
 
@@ -342,10 +343,10 @@ def test_every_file_is_computed_anew_or_named_with_its_reason():
 
 INTERVALS = [path for path in sorted(REPORTS.rglob("*.csv")) if {"low", "high"} <= set(pd.read_csv(path, nrows=0))]
 BOUNDS = {
-    results.SHARE: (0.0, 1.0),
-    results.LOG: (0.0, np.inf),
-    results.R2: (-np.inf, 1.0),
-    results.PLAIN: (-np.inf, np.inf),
+    estimates.SHARE: (0.0, 1.0),
+    estimates.LOG: (0.0, np.inf),
+    estimates.R2: (-np.inf, 1.0),
+    estimates.PLAIN: (-np.inf, np.inf),
 }
 WITH_INTERVALS = {"claims.csv", "rightsize.csv", "touch/accuracy/table1.csv", "glove/accuracy/table1.csv"}
 EXACT = "physics.csv"  # of exact changes: an effect that a model cannot see changes nothing
@@ -359,7 +360,7 @@ def test_tables_with_intervals_are_there():
 def test_an_interval_has_width_and_stays_inside_its_bounds(path):
     table = pd.read_csv(path).dropna(subset=["low", "high"])
     assert (table["low"] < table["high"]).all(), table[table["low"] >= table["high"]].to_string()
-    scale = table["metric"].map(results.scale_of) if "metric" in table else pd.Series(results.PLAIN, table.index)
+    scale = table["metric"].map(estimates.scale_of) if "metric" in table else pd.Series(estimates.PLAIN, table.index)
     bounds = np.array([BOUNDS[each] for each in scale]).reshape(-1, 2)
     if "claim" in table:  # numbers that are judged say their unit alone
         percent = (table["kind"] == "number") & (table["unit"] == "%")

@@ -16,7 +16,7 @@ from pipeline.base import modules, params
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.inference import describer, onnx_network, predictor
-from pipeline.scoring import shards, times
+from pipeline.results import shards, times
 from pipeline.stages import latency
 from pipeline.studies import latency as study
 from pipeline.tasks import windows

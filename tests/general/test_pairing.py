@@ -17,7 +17,7 @@ from pipeline.claims.rules import REPRODUCED
 from pipeline.reporting import glove
 from pipeline.reporting.page import answers
 from pipeline.reporting.report import Report
-from pipeline.scoring import claim_inputs, one_table, shards, studies
+from pipeline.results import claim_inputs, one_table, shards, studies
 
 LEVELS = {"linear": {0: 9.0, 1: 5.0, 2: 5.1}, "poly": {2: 3.85, 0: 8.0, 1: 3.95}}
 ONE, OTHER = (np.array([LEVELS[model][seed] for seed in range(3)]) for model in LEVELS)

@@ -9,8 +9,8 @@ from pipeline.base import params
 from pipeline.base.params_file import set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import specimens
+from pipeline.results import shards
 from pipeline.scenes import glove, glove_stress, strain, strain_stress, touch, touch_stress
-from pipeline.scoring import shards
 
 
 def test_a_simulated_recording_says_which_specimen_it_is_of():

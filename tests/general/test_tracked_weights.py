@@ -12,7 +12,8 @@ from builders.project import ROOT
 from pipeline.base import params
 from pipeline.base.paths import Workspace
 from pipeline.inference import card as cards
-from pipeline.inference import mlflow_runs, mlflow_store
+from pipeline.inference import mlflow_store
+from pipeline.tracking import mlflow_runs
 
 SEEDS = (2, 0, 1)  # as params.yaml may list them: a run's place is not its seed
 FRAMES, STEP, ELEMENTS = 4, 2, 6

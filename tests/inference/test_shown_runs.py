@@ -8,8 +8,8 @@ from builders import made_evidence
 from builders.made_evidence import keep, scores
 
 from pipeline.base.paths import Workspace
-from pipeline.inference import mlflow_runs
-from pipeline.scoring import shards, shown
+from pipeline.results import shards, shown
+from pipeline.tracking import mlflow_runs
 
 COMBINED = ("glove", "random_frames_combined", "combined")
 SETS = {

@@ -15,8 +15,8 @@ from builders.project import ROOT
 from pipeline.base import params
 from pipeline.base.files import sha256, write_table
 from pipeline.base.paths import Workspace
-from pipeline.inference import mlflow_runs
-from pipeline.scoring import claim_inputs, one_table, shards, shown
+from pipeline.results import claim_inputs, one_table, shards, shown
+from pipeline.tracking import mlflow_runs
 
 COMPARED = ("rmse", "error", "macro_precision", "accuracy")  # scores that runs are compared by
 LOG_SCALE = ("rmse", "error")  # their mean over seeds is geometric

@@ -15,11 +15,11 @@ from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.claims import rules
 from pipeline.datasets import schemas
+from pipeline.drawing import common
+from pipeline.drawing.labels import model_name
 from pipeline.reporting import array
-from pipeline.reporting.figures import common
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import model_name
-from pipeline.scoring import kept, shards
+from pipeline.results import kept, shards
 
 EXPERIMENT, FINER = "array_recorded", 1.1  # of a variant: its errors over those of the main table
 SETTINGS = made_reports.settings_of(EXPERIMENT)

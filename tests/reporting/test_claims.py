@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params, paths
+from pipeline.base import params
 from pipeline.claims import entries, judge
-from pipeline.reporting import claims
+from pipeline.reporting import claims, texts
 
 COLUMNS = ["id", "kind", "data", "verdict", "ours"]
 CLAIMS = pd.DataFrame(
@@ -98,8 +98,8 @@ def test_what_is_beyond_the_papers_has_its_own_section(workspace):
 
 def test_every_claim_that_a_report_asks_for_is_there(workspace):
     known = {claim.id.split("/")[1] for claim in entries.read(workspace)[0]}
-    texts = [path.read_text() for path in (paths.CODE / "reporting" / "templates").glob("*.md")]
+    pages = [path.read_text() for path in texts.FOLDER.glob("*.md")]
     asked = {
-        name for text in texts for names in re.findall(r"r\.verdicts\((.+?)\)", text) for name in names.split(", ")
+        name for text in pages for names in re.findall(r"r\.verdicts\((.+?)\)", text) for name in names.split(", ")
     }
     assert len(asked) > 60 and {name.strip('"') for name in asked} <= known

@@ -22,12 +22,13 @@ from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.datasets import images, schemas
+from pipeline.drawing.labels import model_name
 from pipeline.experiments import facts
-from pipeline.reporting import own_sensor
+from pipeline.own import report as own_sensor
 from pipeline.reporting.claims import short_row
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import model_name
-from pipeline.scoring import glove_results, one_table, published, results, shards
+from pipeline.results import glove_results, one_table, published, shards
+from pipeline.scoring import estimates
 
 SPEED = {f"speed/{name}" for name in ("table2.csv", "table2.md", "tradeoff.png", "training.png")}
 OF_THE_PAGE = "answer.png"  # its first screen shows it, and the report does not
@@ -247,7 +248,7 @@ def test_numbers_of_strain_stand_beside_the_printed_ones(shown):
 def test_numbers_of_glove(shown):
     target = shown("glove")
     text = (target / "accuracy" / "README.md").read_text()
-    own = results.estimate([0.82, 0.83, 0.84], results.SHARE).percent()
+    own = estimates.estimate([0.82, 0.83, 0.84], estimates.SHARE).percent()
     rows = [cells(line) for line in text.splitlines() if line.startswith("| SP-ResNet  ")]
     assert rows[0][3:5] == ["88.39", f"83.00 [{own.low:.2f}, {own.high:.2f}]"]
     assert [row[4] for row in rows if len(row) == 7] == [rows[0][4], "82.00"]  # by session, on random frames
@@ -425,10 +426,10 @@ def test_predictions_must_cover_the_test_windows(workspace, made):
     path = workspace.predictions("touch") / "rnn.parquet"
     data = pyarrow.parquet.read_table(path)
     schemas.write(path, data.schema, [data.slice(1)])
-    windows = results.read_windows(workspace, "touch")
+    windows = estimates.read_windows(workspace, "touch")
     with pytest.raises(InputError, match="do not match the 56 test windows"):
-        results.read_predictions(workspace, "touch", "rnn", "press", 0, windows)
-    whole = results.read_predictions(workspace, "touch", "rnn", "press", 1, windows)
+        estimates.read_predictions(workspace, "touch", "rnn", "press", 0, windows)
+    whole = estimates.read_predictions(workspace, "touch", "rnn", "press", 1, windows)
     assert np.isnan(whole[:4]).all() and np.isfinite(whole[4:]).all()
 
 
@@ -480,7 +481,7 @@ def test_of_many_conditions_the_best_and_the_worst_are_drawn(count):
 
         def estimate(self, protocol, condition, model, metric):
             value = abs(int(condition) - 100.2) * (1 if model == "tree" else 2)
-            return results.Estimate(value, value, value, 3, 0)
+            return estimates.Estimate(value, value, value, 3, 0)
 
     places = [("press", str(k)) for k in range(count)]
     drawn = own_sensor.ends(Scored(), places, "rmse")

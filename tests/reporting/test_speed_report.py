@@ -11,15 +11,15 @@ from matplotlib.transforms import Bbox
 
 from pipeline.base.errors import InputError
 from pipeline.base.files import sha256, write_table
+from pipeline.drawing import style
+from pipeline.drawing.labels import MACHINES
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
-from pipeline.reporting.figures import style
 from pipeline.reporting.page import charts
 from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import MACHINES
-from pipeline.scoring import shards, times
-from pipeline.scoring.claim_inputs import COLUMNS
-from pipeline.scoring.one_table import Results
+from pipeline.results import shards, times
+from pipeline.results.claim_inputs import COLUMNS
+from pipeline.results.one_table import Results
 
 
 def test_the_front_of_a_hand_made_example():

@@ -11,10 +11,10 @@ from builders.project import ROOT, run_stage
 
 from pipeline import experiments
 from pipeline.base import params
+from pipeline.drawing import labels
 from pipeline.reporting import stability
 from pipeline.reporting.figures import stability as figures
-from pipeline.reporting.words import labels
-from pipeline.scoring import shards
+from pipeline.results import shards
 from pipeline.stages import render_study
 
 TESTS = {"noise": [0, 0.5, 1.0], "press_speed": [0, -2, -1, 1], "dead": [0, 6], "specimen": [0, 1, 2]}

@@ -132,9 +132,10 @@ def test_places_have_the_recorded_spread_and_correlation(settings):
     assert layers.std() == pytest.approx(1, abs=0.03)
     correlation = (layers[:, step:] * layers[:, :-step]).mean() / layers.var()
     assert correlation == pytest.approx(np.exp(-(3.5**2) / (2 * length**2)), abs=0.04)
-    rows, columns = (np.rint(np.arange(4) * mm / touch_contact.GRID_MM).astype(int) for mm in material.STEP_MM)
+    film = material.load_places()
+    rows, columns = (np.rint(np.arange(4) * mm / touch_contact.GRID_MM).astype(int) for mm in film.step_mm)
     raster = layers[:, 20 + rows[:, None], 20 + columns] * touch_contact.field_spread(length)[0]
-    assert np.sqrt(raster.var(axis=(1, 2)).mean()) == pytest.approx(material.load_places().gain_std, rel=0.08)
+    assert np.sqrt(raster.var(axis=(1, 2)).mean()) == pytest.approx(film.gain_std, rel=0.08)
     first, second = layers[::2], layers[1::2]
     assert abs((first * second).mean()) < 0.03  # gain and exponent are independent
 

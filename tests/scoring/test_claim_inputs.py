@@ -8,7 +8,7 @@ from builders.project import ROOT
 
 from pipeline.base import params
 from pipeline.datasets import labels, schemas
-from pipeline.scoring import claim_inputs, glove_results
+from pipeline.results import claim_inputs, glove_results
 
 TOUCH = params.load(ROOT / "params.yaml")["touch"]
 ROWS, COLS = TOUCH["label"]["map_rows"], TOUCH["label"]["map_cols"]

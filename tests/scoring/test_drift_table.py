@@ -1,6 +1,6 @@
 """What is decoded of drift: as the study wrote it, but no less than the mean tells."""
 
-from pipeline.scoring import one_table
+from pipeline.results import one_table
 
 
 def test_a_read_out_that_tells_less_than_nothing_tells_nothing(tmp_path):

@@ -4,7 +4,7 @@ import pytest
 from builders import made_reports
 
 from pipeline.base.paths import Workspace
-from pipeline.scoring import units
+from pipeline.results import units
 
 
 @pytest.mark.parametrize("experiment", [name for name in made_reports.DATA if name.endswith("_recorded")])

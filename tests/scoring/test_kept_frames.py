@@ -10,7 +10,7 @@ from pipeline import experiments
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.experiments import array_recorded
-from pipeline.scoring import kept
+from pipeline.results import kept
 
 EXPERIMENT, PROTOCOL = "array_recorded", "fold_0"
 TESTED = {"one": 4 * kept.FRAMES + 3, "two": kept.FRAMES, "three": kept.FRAMES, "four_or_more": 2}  # of the test part

@@ -10,8 +10,9 @@ from builders.project import ROOT
 from pipeline import experiments, tasks
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas, series
-from pipeline.scoring import classification, kept, shards
-from pipeline.scoring.results import read_predictions, read_windows
+from pipeline.results import kept, shards
+from pipeline.scoring import classification
+from pipeline.scoring.estimates import read_predictions, read_windows
 
 HERE = Workspace(ROOT)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.scoring import published
+from pipeline.results import published
 
 
 def test_published_values_are_in_our_units():

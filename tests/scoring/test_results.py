@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 
 from pipeline.base.errors import InputError
-from pipeline.scoring import results, shards
+from pipeline.results import shards
+from pipeline.scoring import estimates
 
 RUNS = (3, 4, 5, 10, 24)  # of the evidence
 SIMULATED = 2000  # a coverage of 0.95 is then known to 0.005
@@ -18,16 +19,16 @@ def shares(rng, mean, alike, windows):
 
 def populations(rng):
     """Yield scale and population of runs: of the shape that the scale is made for, and of others as skewed."""
-    yield results.PLAIN, lambda shape: rng.normal(1, 2, shape)
-    yield results.PLAIN, lambda shape: rng.logistic(0, 1, shape)
-    yield results.LOG, lambda shape: rng.lognormal(0, 0.5, shape)
-    yield results.LOG, lambda shape: rng.gamma(4, 1, shape)
-    yield results.R2, lambda shape: 1 - rng.lognormal(-3, 0.8, shape)
-    yield results.R2, lambda shape: 1 - rng.gamma(3, 0.02, shape)
-    yield results.SHARE, shares(rng, 0.5, 30, 100)
-    yield results.SHARE, shares(rng, 0.9, 30, 100)
-    yield results.SHARE, shares(rng, 0.97, 100, 1000)
-    yield results.SHARE, shares(rng, 0.8, 20, 60)
+    yield estimates.PLAIN, lambda shape: rng.normal(1, 2, shape)
+    yield estimates.PLAIN, lambda shape: rng.logistic(0, 1, shape)
+    yield estimates.LOG, lambda shape: rng.lognormal(0, 0.5, shape)
+    yield estimates.LOG, lambda shape: rng.gamma(4, 1, shape)
+    yield estimates.R2, lambda shape: 1 - rng.lognormal(-3, 0.8, shape)
+    yield estimates.R2, lambda shape: 1 - rng.gamma(3, 0.02, shape)
+    yield estimates.SHARE, shares(rng, 0.5, 30, 100)
+    yield estimates.SHARE, shares(rng, 0.9, 30, 100)
+    yield estimates.SHARE, shares(rng, 0.97, 100, 1000)
+    yield estimates.SHARE, shares(rng, 0.8, 20, 60)
 
 
 @pytest.mark.parametrize("runs", RUNS)
@@ -35,8 +36,8 @@ def populations(rng):
 def test_an_interval_holds_the_number_beside_it_in_95_of_100_cases(case, runs):
     rng = np.random.default_rng(case)
     scale, population = list(populations(rng))[case]
-    truth = results.estimate(population(10**6), scale).mean
-    found = [results.estimate(values, scale) for values in population((SIMULATED, runs)) if np.ptp(values) > 0]
+    truth = estimates.estimate(population(10**6), scale).mean
+    found = [estimates.estimate(values, scale) for values in population((SIMULATED, runs)) if np.ptp(values) > 0]
     assert 0.93 <= np.mean([one.low <= truth <= one.high for one in found]) <= 0.97
     assert all(one.low < one.mean < one.high for one in found)
 
@@ -46,7 +47,7 @@ def test_an_interval_holds_the_number_beside_it_in_95_of_100_cases(case, runs):
 def test_an_interval_of_shares_near_1_of_few_windows_is_rather_too_wide(mean, windows, runs):
     rng = np.random.default_rng(0)
     drawn = shares(rng, mean, 30, windows)((SIMULATED, runs))
-    found = [results.estimate(values, results.SHARE) for values in drawn]
+    found = [estimates.estimate(values, estimates.SHARE) for values in drawn]
     assert np.mean([one.low <= mean <= one.high for one in found if np.isfinite(one.low)]) >= 0.915
 
 
@@ -56,26 +57,26 @@ def test_a_prediction_interval_holds_the_next_run_in_95_of_100_cases(case, runs)
     rng = np.random.default_rng(case)
     scale, population = list(populations(rng))[case]
     drawn = [values for values in population((SIMULATED, runs + 1)) if np.ptp(values[:-1]) > 0]
-    found = [results.prediction(values[:-1], scale) for values in drawn]
+    found = [estimates.prediction(values[:-1], scale) for values in drawn]
     assert (
         0.93 <= np.mean([low <= values[-1] <= high for (low, high), values in zip(found, drawn, strict=True)]) <= 0.97
     )
     widths = [high - low for low, high in found]
-    mean = [results.estimate(values[:-1], scale) for values in drawn]
+    mean = [estimates.estimate(values[:-1], scale) for values in drawn]
     assert np.median(widths) > 1.5 * np.median([each.high - each.low for each in mean]), "wider than that of the mean"
 
 
 @pytest.mark.parametrize(("scale", "least", "most"), [("share", 0, 1), ("r2", -np.inf, 1), ("log", 0, np.inf)])
 def test_a_prediction_interval_stays_where_values_can_be(scale, least, most):
-    low, high = results.prediction([0.9, 0.99, 0.5], scale)
+    low, high = estimates.prediction([0.9, 0.99, 0.5], scale)
     assert least <= low < 0.5 and 0.99 < high <= most
     for values in ([0.5, 0.6], [0.5] * 5, [0.5, np.nan, 0.6], []):
-        assert np.isnan(results.prediction(values, scale)).all()
+        assert np.isnan(estimates.prediction(values, scale)).all()
 
 
 def test_an_interval_of_skewed_runs_is_not_stretched_to_their_arithmetic_mean():
     values = [0.25, 0.27, 0.26, 0.28, 0.24, 0.26, 0.27, 0.25, 0.83, 0.70]
-    found = results.estimate(values, results.LOG)
+    found = estimates.estimate(values, estimates.LOG)
     assert found.mean == pytest.approx(np.exp(np.mean(np.log(values)))) and found.mean < np.mean(values)
     middle = np.sqrt(found.low * found.high)
     assert middle == pytest.approx(found.mean)
@@ -83,14 +84,14 @@ def test_an_interval_of_skewed_runs_is_not_stretched_to_their_arithmetic_mean():
 
 @pytest.mark.parametrize("values", [[0.99, 1.0, 0.97], [0.01, 0.0, 0.2], [0.5, 0.6, 0.55]])
 def test_an_interval_of_shares_stays_between_0_and_1(values):
-    found = results.estimate(values, results.SHARE)
+    found = estimates.estimate(values, estimates.SHARE)
     assert 0 < found.low < found.mean < found.high < 1 and found.mean == pytest.approx(np.mean(values))
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_an_interval_of_the_same_shares_in_all_runs_is_that_of_as_many_trials(share):
     """Of 7 windows each: in how many of the windows of the next runs it is so, they tell no better."""
-    found = results.estimate([share] * 5, results.SHARE)
+    found = estimates.estimate([share] * 5, estimates.SHARE)
     expected = stats.binomtest(round(5 * share), 5).proportion_ci(0.95, "exact")
     assert found[:3] == pytest.approx((share, *expected))
 
@@ -98,26 +99,26 @@ def test_an_interval_of_the_same_shares_in_all_runs_is_that_of_as_many_trials(sh
 def test_shares_of_few_windows_have_the_interval_of_as_many_trials_where_runs_are_alike():
     """Runs of 8 windows each that differ by chance alone: together they are about as many trials as windows."""
     rng = np.random.default_rng(1)
-    trials = results.effective_trials(rng.binomial(8, 0.8, (24, 2000)) / 8)
+    trials = estimates.effective_trials(rng.binomial(8, 0.8, (24, 2000)) / 8)
     assert np.median(trials) == pytest.approx(24 * 8, rel=0.15)
 
 
 def test_an_interval_of_r2_stays_below_1():
-    found = results.estimate([0.9, 0.99, 0.7], results.R2)
+    found = estimates.estimate([0.9, 0.99, 0.7], estimates.R2)
     assert found.low < found.mean < found.high < 1
-    assert results.estimate([0.9996, 0.9998, 0.9997], results.R2).mean > 0.9995
+    assert estimates.estimate([0.9996, 0.9998, 0.9997], estimates.R2).mean > 0.9995
 
 
 def test_runs_with_one_value_have_no_interval():
-    for values, scale in (([2.0] * 5, results.PLAIN), ([0.5] * 5, results.SHARE), ([0.5], results.PLAIN)):
-        assert np.isnan(results.estimate(values, scale)[1:3]).all()
+    for values, scale in (([2.0] * 5, estimates.PLAIN), ([0.5] * 5, estimates.SHARE), ([0.5], estimates.PLAIN)):
+        assert np.isnan(estimates.estimate(values, scale)[1:3]).all()
 
 
-@pytest.mark.parametrize("scale", results.SCALES)
+@pytest.mark.parametrize("scale", estimates.SCALES)
 def test_two_runs_have_a_mean_and_no_interval(scale):
-    found = results.estimate([0.5, 0.6], scale)
+    found = estimates.estimate([0.5, 0.6], scale)
     assert 0.5 < found.mean < 0.6 and np.isnan(found[1:3]).all()
-    assert np.isnan(results.estimate([1.0, 1.0], scale)[1:3]).all()
+    assert np.isnan(estimates.estimate([1.0, 1.0], scale)[1:3]).all()
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from builders.made_evidence import keep, scores
 
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
-from pipeline.scoring import one_table, published, shards, shown
+from pipeline.results import one_table, published, shards, shown
 
 SETS = {
     "glove_frames": {

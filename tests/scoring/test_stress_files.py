@@ -7,7 +7,7 @@ from builders import stress_rows
 from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards
+from pipeline.results import shards
 from pipeline.stages import shard
 
 PLACE = ("repetition", "all")

@@ -13,7 +13,8 @@ from pipeline import experiments
 from pipeline.base.facts import Facts
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
-from pipeline.scoring import metrics, shards, units
+from pipeline.results import shards, units
+from pipeline.scoring import metrics
 
 COMPUTED = set(pd.read_csv(ROOT / "evidence" / "index.csv")["shard"].str.rsplit("-", n=2).str[0])
 SETS = {name: each for name, each in shards.read_sets(Workspace(ROOT)).items() if each.by_unit and not each.study}

@@ -7,8 +7,8 @@ from builders.project import ROOT
 
 from pipeline.base import files, params
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards
-from pipeline.scoring.claim_inputs import COLUMNS
+from pipeline.results import shards
+from pipeline.results.claim_inputs import COLUMNS
 from pipeline.stages import agreement
 
 

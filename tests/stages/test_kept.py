@@ -9,7 +9,7 @@ from builders.project import ROOT, run_stage
 from pipeline import experiments
 from pipeline.base import params
 from pipeline.reporting import studies
-from pipeline.scoring import shards, units
+from pipeline.results import shards, units
 from pipeline.stages import collect, evaluate, latency, render, stress
 
 RECORDED = ("velostat_recorded", "strain_recorded", "glove_recorded")

@@ -12,8 +12,8 @@ from pipeline.base import files, params
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
-from pipeline.scoring import kept, shards, studies
-from pipeline.scoring.shards import Shard
+from pipeline.results import kept, shards, studies
+from pipeline.results.shards import Shard
 from pipeline.settings.shards import Variant
 from pipeline.stages import shard
 

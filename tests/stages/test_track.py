@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.base.paths import Workspace
-from pipeline.inference import mlflow_runs
 from pipeline.stages import track
+from pipeline.tracking import mlflow_runs
 
 PARAMS = {"experiments": ["touch"]}
 FILES = (

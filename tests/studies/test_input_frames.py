@@ -11,7 +11,8 @@ from pipeline.base import params
 from pipeline.datasets import images, schemas
 from pipeline.learning import image_classifier
 from pipeline.learning.spec import of_images
-from pipeline.scoring import classification, frame_sets
+from pipeline.results import frame_sets
+from pipeline.scoring import classification
 from pipeline.studies import input_frames, joined_frames
 
 GROUP = np.repeat([4, 1, 7, 2], [5, 2, 9, 4])  # numbers of sessions

@@ -14,10 +14,10 @@ from pipeline.learning.residual_blocks import separable_network
 from pipeline.models import sp_resnet
 from pipeline.reporting import tables
 from pipeline.reporting.figures import sizes as sizes_figures
-from pipeline.scoring import shards, studies
-from pipeline.scoring.claim_inputs import FULL, KEY
-from pipeline.scoring.one_table import Results
-from pipeline.scoring.results import SHARE, estimate
+from pipeline.results import shards, studies
+from pipeline.results.claim_inputs import FULL, KEY
+from pipeline.results.one_table import Results
+from pipeline.scoring.estimates import SHARE, estimate
 
 NAN = float("nan")
 

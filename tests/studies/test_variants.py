@@ -16,7 +16,8 @@ from pipeline.base.params_file import copied, set_values
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
 from pipeline.experiments import strain
-from pipeline.scoring import metrics, shards
+from pipeline.results import shards
+from pipeline.scoring import metrics
 from pipeline.settings.shards import Variant
 from pipeline.studies import variants
 

@@ -9,7 +9,7 @@ from builders.project import miniature_settings
 from pipeline.base import params, workers
 from pipeline.base.errors import InputError
 from pipeline.datasets import series
-from pipeline.scoring import published
+from pipeline.results import published
 from pipeline.stability import changed_scene
 from tools import calibrate
 

@@ -20,7 +20,7 @@ from builders.project import ROOT, Project
 from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import one_table, shards
+from pipeline.results import one_table, shards
 from tools import pack, unpack
 
 # What a borrowed machine has; of all else that is installed here it has nothing but what travels.

@@ -17,7 +17,7 @@ from builders.project import ROOT
 from pipeline.base.errors import InputError
 from pipeline.base.params_file import copied
 from pipeline.base.paths import Workspace
-from pipeline.scoring import kept, shards
+from pipeline.results import kept, shards
 from tools import unpack
 
 SHARD, STUDY, VARIED = "strain-0-full", "input_frames_glove-0-full", "variants_glove-0-full"

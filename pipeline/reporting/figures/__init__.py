@@ -1,5 +1,3 @@
-"""Figures, which are files."""
+"""Figures of the reports, which are files."""
 
-import os
-
-os.environ["MPLBACKEND"] = "Agg"  # before pyplot is imported; what a notebook sets may not be installed here
+from pipeline.drawing import style as style  # first: it says what pyplot draws with

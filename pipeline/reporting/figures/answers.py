@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.reporting.figures import style
+from pipeline.drawing import style
 
 plt = style.plt
 FILE = "answer.png"  # in the accuracy folder of an experiment

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.colors import LogNorm
 
 from pipeline.datasets.images import HIGHEST, SIDE
-from pipeline.reporting.figures import style
-from pipeline.reporting.words.labels import capitalised, task_name
+from pipeline.drawing import style
+from pipeline.drawing.labels import capitalised, task_name
 
 SHOWN_BENDS_S = 10  # of figure 9b, at either end
 

@@ -10,11 +10,12 @@ import pandas as pd
 from matplotlib.lines import Line2D
 
 from pipeline.datasets import labels
-from pipeline.reporting.figures import common, style
-from pipeline.reporting.figures.style import MEASURED, model_style
-from pipeline.reporting.words.labels import model_name
+from pipeline.drawing import style
+from pipeline.drawing.labels import model_name
+from pipeline.drawing.style import MEASURED, model_style
+from pipeline.reporting.figures import curves
+from pipeline.results import kept
 from pipeline.scenes import material
-from pipeline.scoring import kept
 
 FILM_AREA_M2 = 1e-4  # the paper's 1 cm x 1 cm sample (section II-A)
 TOUCH_MODELS = ("lomp", "rnn", "cnn", "convlstm")  # of figure 6
@@ -220,7 +221,7 @@ def error_distribution(path: Path, windows: Windows, maps: Mapping[str, pd.DataF
         if model != kept.LABEL
     }
     xlabel = "Mean squared error of a window in contact (kPa², lower is better)"
-    common.boxes(path, errors, f"Figure 7: error with one touch{added}", caption, xlabel, "windows")
+    curves.boxes(path, errors, f"Figure 7: error with one touch{added}", caption, xlabel, "windows")
 
 
 def _failure(values: np.ndarray) -> str:

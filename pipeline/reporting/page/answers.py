@@ -17,18 +17,18 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.claims import entries, rules
 from pipeline.claims.rules import VERDICTS
+from pipeline.drawing.labels import capitalised, model_name
+from pipeline.drawing.markdown import interval, number
 from pipeline.experiments import facts
 from pipeline.reporting import claims as claim_text
+from pipeline.reporting import texts
 from pipeline.reporting.figures.ratios import Point
 from pipeline.reporting.page import origins
 from pipeline.reporting.tables import Table
-from pipeline.reporting.words import templates
-from pipeline.reporting.words.labels import capitalised, model_name
-from pipeline.reporting.words.markdown import interval, number
-from pipeline.scoring import published, shards, shown
-from pipeline.scoring.claim_inputs import FULL, LOOK
-from pipeline.scoring.one_table import Results
-from pipeline.scoring.results import LOG, SHARE, Estimate, estimate, scale_of
+from pipeline.results import published, shards, shown
+from pipeline.results.claim_inputs import FULL, LOOK
+from pipeline.results.one_table import Results
+from pipeline.scoring.estimates import LOG, SHARE, Estimate, estimate, scale_of
 
 CHART = "answers.png"  # in reports/
 BLOCKS = {
@@ -123,10 +123,10 @@ def write_readme(workspace: Workspace, found: list[Answer], claims: pd.DataFrame
     tables = [one.linked(lambda text, place: f"[{text}](reports/{place})") for one in found]
     index = shards.table(shards.folder(workspace) / "index.csv", shards.INDEX)
     rendered = {
-        "summary": templates.render(
+        "summary": texts.render(
             "summary", answers=found, **totals(claims), shards=len(index), core_s=index["core_s"].astype(float).sum()
         ),
-        "answers": templates.render("answers", answers=zip(found, tables, strict=True), chart=f"reports/{CHART}"),
+        "answers": texts.render("answers", answers=zip(found, tables, strict=True), chart=f"reports/{CHART}"),
     }
     now = text = path.read_text(encoding="utf-8")
     for name, (start, end) in BLOCKS.items():

@@ -3,10 +3,10 @@
 import pandas as pd
 
 from pipeline.base.paths import Workspace
-from pipeline.reporting.words import templates
-from pipeline.reporting.words.labels import experiment_name, model_name
-from pipeline.scoring import shards, shown
-from pipeline.scoring.one_table import Results
+from pipeline.drawing.labels import experiment_name, model_name
+from pipeline.reporting import texts
+from pipeline.results import shards, shown
+from pipeline.results.one_table import Results
 
 FILE = "shards.md"  # in reports/
 
@@ -31,7 +31,7 @@ def document(workspace: Workspace, results: Results) -> str:
         of_set = group.groupby(group[shards.SHARD].str.replace(r"-\d+-", ", ", regex=True))
         lines = [_line(name, each, index) for name, each in of_set]
         sections.setdefault(experiment_name(experiment), {})[title(experiment, protocol, variant)] = lines
-    return templates.render("shards", sections=sections)
+    return texts.render("shards", sections=sections)
 
 
 def _line(name: str, rows: pd.DataFrame, index: pd.DataFrame) -> dict:

@@ -19,6 +19,7 @@ from pipeline.base.paths import Workspace
 from pipeline.base.provenance import version as installed
 from pipeline.claims import entries, stability
 from pipeline.claims.rules import BAND
+from pipeline.drawing.labels import condition_name, experiment_name, plain, task_name
 from pipeline.experiments import facts
 from pipeline.reporting.figures import ratios
 from pipeline.reporting.figures.answers import FILE as FIRST_PICTURE
@@ -26,9 +27,8 @@ from pipeline.reporting.page import answers, charts, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, fill, markdown
 from pipeline.reporting.stability import FINDINGS, by_test, intervals, stability_table
 from pipeline.reporting.tables import Table
-from pipeline.reporting.words.labels import condition_name, experiment_name, plain, task_name
-from pipeline.scoring import one_table, shards
-from pipeline.scoring.results import read_csv
+from pipeline.results import one_table, shards
+from pipeline.scoring.estimates import read_csv
 
 HEADING = "Soft tactile sensing, reproduced"
 CONTENTS = {"#answers": "Answers", "#findings": "Findings", "#compared": "Our errors over the published ones"}

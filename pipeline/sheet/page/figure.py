@@ -7,7 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from pipeline.base.errors import InputError
-from pipeline.reporting.figures import style
+from pipeline.drawing import style
 from pipeline.sheet.cycles import FEWEST_ON_THE_WAY, LEVELS
 from pipeline.sheet.quantities import PERCENT, Known, Sheet, full_scale_output, mean
 

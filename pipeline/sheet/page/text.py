@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.reporting.words import templates
-from pipeline.reporting.words.markdown import literal, table
+from pipeline.drawing import templates
+from pipeline.drawing.markdown import literal, table
 from pipeline.sheet.estimates import Estimate
 from pipeline.sheet.quantities import QUANTITIES, Sheet
 
@@ -15,6 +15,7 @@ def markdown(sheets: Sequence[Sheet], figure: str = "") -> str:
     """Return the page of one sheet or of several; figure: the name of its picture, "" for none."""
     rows = [[name, *(cell(sheet.lines[name]) for sheet in sheets)] for name in QUANTITIES if len(sheets) > 1]
     return templates.render(
+        templates.TEXTS,
         "sheet",
         names=[sheet.given.sensor.name for sheet in sheets],
         side_by_side=table(["Quantity", *(sheet.given.sensor.name for sheet in sheets)], rows) if rows else "",

@@ -6,7 +6,7 @@ from builders import own_logs
 from builders.project import ROOT
 
 from pipeline.base import params
-from pipeline.reporting.figures import style
+from pipeline.drawing import style
 
 VALUES = params.load(ROOT / "params.yaml")
 

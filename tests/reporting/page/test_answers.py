@@ -11,8 +11,8 @@ from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.reporting.page import answers, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER
-from pipeline.scoring import one_table, shown
-from pipeline.scoring.claim_inputs import COLUMNS, FULL, LOOK
+from pipeline.results import one_table, shown
+from pipeline.results.claim_inputs import COLUMNS, FULL, LOOK
 
 CONTENT = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
 VALUES = params.load(Workspace(ROOT).params)

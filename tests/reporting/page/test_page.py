@@ -21,7 +21,7 @@ from pipeline.claims import rules
 from pipeline.claims.stability import FAILURES
 from pipeline.reporting.figures.answers import FILE as FIRST_PICTURE
 from pipeline.reporting.page import hypertext, sections
-from pipeline.scoring import one_table
+from pipeline.results import one_table
 from pipeline.stages import page
 
 ABSENT = "glove_recorded"

@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from pipeline import experiments
 from pipeline.base.facts import Panel
 from pipeline.datasets import images, schemas
-from pipeline.reporting.figures import style
+from pipeline.drawing import style
 
 LINES = (
     (style.BLUE, "-"),

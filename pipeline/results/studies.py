@@ -13,7 +13,7 @@ import pandas as pd
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.experiments import facts
-from pipeline.scoring.results import read_csv
+from pipeline.scoring.estimates import read_csv
 
 MADE_BY = "tactile evidence"
 NONE = "none"  # no effect of a scene is left out

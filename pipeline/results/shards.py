@@ -23,9 +23,9 @@ import pandas as pd
 from pipeline.base import files, foreign, params, paths, processes
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import units
-from pipeline.scoring.claim_inputs import COLUMNS, DATA, FULL, HALF, KEY
-from pipeline.scoring.results import read_csv
+from pipeline.results import units
+from pipeline.results.claim_inputs import COLUMNS, DATA, FULL, HALF, KEY
+from pipeline.scoring.estimates import read_csv
 from pipeline.settings.shards import ShardSet
 
 BUDGETS = (HALF, FULL)

@@ -9,13 +9,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import files
-from pipeline.reporting.figures import common
-from pipeline.reporting.figures import targets as figures
-from pipeline.reporting.words import templates
-from pipeline.reporting.words.markdown import interval, literal, number, table
-from pipeline.scoring.results import Estimate
+from pipeline.drawing import common, templates
+from pipeline.drawing.markdown import interval, literal, number, table
+from pipeline.scoring.estimates import Estimate
 from pipeline.settings.targets import Target
-from pipeline.targets import validate
+from pipeline.targets import figures, validate
 from pipeline.targets.features import Windows
 from pipeline.targets.validate import CHOSEN, Tested
 
@@ -40,6 +38,7 @@ def write(folder: Path, title: str, sections: Sequence[Section], sheet: str) -> 
     """Write README.md, scores.csv and a picture of each target; sheet: a sentence on the data sheet."""
     pictures = [draw(folder, section) for section in sections]
     page = templates.render(
+        templates.TEXTS,
         "own_target",
         title=title,
         sheet=sheet,

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 import pandas as pd
 
 from pipeline.base.paths import Workspace
-from pipeline.reporting.words.labels import model_name, place_name
-from pipeline.reporting.words.markdown import number
-from pipeline.scoring import conformal, results
+from pipeline.drawing.labels import model_name, place_name
+from pipeline.drawing.markdown import number
+from pipeline.scoring import conformal, estimates
 
 COLUMNS = (  # of reports/coverage/EXPERIMENT.csv; a row is an output of one run on one test condition
     *("experiment", "protocol", "condition", "model", "seed", "output", "case", "unit"),
@@ -22,7 +22,7 @@ FLOOR = "constant"  # has intervals, too, of which nobody has any use
 
 def read(workspace: Workspace, experiment: str) -> pd.DataFrame:
     """Read reports/coverage/EXPERIMENT.csv. Raises InputError where it is missing or lacks a column."""
-    return results.read_csv(workspace.coverage(experiment), COLUMNS, f"tactile coverage {experiment}")
+    return estimates.read_csv(workspace.coverage(experiment), COLUMNS, f"tactile coverage {experiment}")
 
 
 def rows(table: pd.DataFrame, named: Callable[[str, str], str] = place_name) -> Iterator[list[str]]:

@@ -154,6 +154,15 @@ def read_csv(path: Path, columns: Sequence[str], made_by: str) -> pd.DataFrame:
     return table
 
 
+def read_scores(path: Path, made_by: str) -> pd.DataFrame:
+    """Read scores.csv. A run without an RMSE failed, whatever its other metrics say: a map of NaN has no peak."""
+    run = ["experiment", "protocol", "condition", "model", "seed"]
+    table = read_csv(path, [*run, "metric", "unit", "value", "n"], made_by)
+    failed = table[(table["metric"] == "rmse") & table["value"].isna()][run]
+    lost = pd.MultiIndex.from_frame(table[run]).isin(pd.MultiIndex.from_frame(failed))
+    return table.assign(value=table["value"].where(~lost))
+
+
 def parse_csv(content: bytes, where: Path | str, remedy: str) -> pd.DataFrame:
     """Return a CSV table as the stages write it. where, remedy: of the sentence, where it is none (InputError)."""
     with foreign.reading(where, "a CSV table", remedy):

@@ -30,8 +30,9 @@ from pipeline.base import paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, labels, schemas, series, specimens
 from pipeline.experiments import glove
-from pipeline.scoring import classification, shards
-from pipeline.scoring.results import read_tested, read_windows
+from pipeline.results import shards
+from pipeline.scoring import classification
+from pipeline.scoring.estimates import read_tested, read_windows
 
 FIRST = 0  # the seed that is drawn
 LABEL, READING = "label", "reading"  # models of rows that are no model's

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.reporting.figures import style
+from pipeline.drawing import style
 
 COLUMNS = 5  # panels beside each other
 

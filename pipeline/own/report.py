@@ -9,18 +9,17 @@ from itertools import count
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 
 from pipeline import experiments
 from pipeline.base import files, foreign, paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import schemas
-from pipeline.reporting import coverage
-from pipeline.reporting.figures import common
-from pipeline.reporting.report import Report
-from pipeline.reporting.words.labels import capitalised, experiment_name, model_name, plain
-from pipeline.scoring import classification, metrics
-from pipeline.scoring.results import read_predictions, read_windows
+from pipeline.drawing import common, coverage, markdown, templates
+from pipeline.drawing.labels import capitalised, experiment_name, model_name, plain
+from pipeline.scoring import classification, estimates, metrics
+from pipeline.scoring.estimates import Estimate, read_predictions, read_windows
 
 MOST_RECORDINGS = 40  # rows of the table of recordings
 FEW_TESTS = 50  # test rows below which a score says little
@@ -52,10 +51,54 @@ ROWS = {"windows": "windows", "series": "samples", "images": "images"}
 Figure = tuple[str, str, str]  # name of the file without .png, what it shows, of what
 
 
+class Scores:
+    """What the models of one sensor scored, as the page asks for it."""
+
+    def __init__(self, workspace: Workspace, experiment: str, settings: Mapping):
+        """Read scores.csv; settings: the experiment's block of settings."""
+        self.experiment, self.models = experiment, list(settings["models"])
+        table = estimates.read_scores(workspace.scores(experiment), "tactile own")
+        self._measured = {
+            place: list(dict.fromkeys(rows["metric"]))
+            for place, rows in table.groupby(["protocol", "condition"], sort=False)
+        }
+        self._runs = {
+            at: rows.set_index("seed")["value"]
+            for at, rows in table.groupby(["protocol", "condition", "model", "metric"], sort=False)
+        }
+
+    def scored(self) -> dict[tuple[str, str], list[str]]:
+        """Return (protocol, condition) -> the metrics that the models were scored by, in the order of scores.csv."""
+        return self._measured
+
+    def runs(self, protocol: str, condition: str, model: str, metric: str) -> pd.Series:
+        """Return seed -> value, NaN for a failed run; empty where there is no run."""
+        return self._runs.get((protocol, condition, model, metric), pd.Series(dtype=float))
+
+    def estimate(self, protocol: str, condition: str, model: str, metric: str) -> Estimate:
+        """Return mean and interval over the seeds of one protocol."""
+        return estimates.estimate(self.runs(protocol, condition, model, metric), estimates.scale_of(metric))
+
+    def basis(self, protocol: str) -> str:
+        """Return how many runs the numbers of a protocol are of."""
+        seeds = {seed for at, runs in self._runs.items() if at[0] == protocol for seed in runs.index}
+        return f"{len(seeds)} run{'' if len(seeds) == 1 else 's'}"
+
+    def table(self, columns: Mapping[str, tuple[str, str, str]]) -> str:
+        """Return a Markdown table, a model a row; columns: heading -> (protocol, condition, metric)."""
+        lines = [["Model", *map(model_name, self.models)]]
+        for heading, (protocol, condition, metric) in columns.items():
+            values = [self.estimate(protocol, condition, model, metric) for model in self.models]
+            most = max(value.runs + value.failed for value in values)
+            lines.append([heading, *(markdown.score(value, metric, runs=most) for value in values)])
+        header, *rows = zip(*lines, strict=True)
+        return markdown.table(header, rows)
+
+
 def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping) -> None:
     """Write README.md, scores.csv and the figures to `target`; settings: the experiment's block of settings."""
     kind, rows = experiments.module(experiment).KIND, read_windows(workspace, experiment)
-    report = Report(workspace, experiment, settings)
+    report = Scores(workspace, experiment, settings)
     path = paths.require(workspace.ingest_report(experiment), "tactile own")
     with foreign.reading(path, "a report of ingest", "run the command again"):
         ingested = json.loads(path.read_text(encoding="utf-8"))
@@ -75,9 +118,10 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
         table = coverage.read(workspace, experiment)
         covered = coverage.HEADER, list(coverage.rows(table, _place_name)), coverage.untold(table, _place_name)
     figures = list(draw(workspace, target, report, settings, rows, shown))
-    report.write(
-        target / "README.md",
+    page = templates.render(
+        templates.TEXTS,
         "own_sensor",
+        r=report,
         name=settings["source"].removeprefix("data/own/"),
         experiment=experiment_name(experiment).lower(),
         kind=kind,
@@ -92,6 +136,7 @@ def write(workspace: Workspace, target: Path, experiment: str, settings: Mapping
         undrawn=len(places) - len(shown),
         ends=ENDS,
     )
+    files.write_text(target / "README.md", page)
 
 
 def _place_name(protocol: str, condition: str) -> str:
@@ -108,14 +153,14 @@ def recordings(reports: Mapping[str, Mapping]) -> Iterator[tuple[str, int, float
         yield name, report["frames"], logs[0]["rate_hz"] or np.nan, lines, 100 * rejected / max(lines, 1)
 
 
-def best(report: Report, protocol: str, condition: str, metric: str) -> list[str]:
+def best(report: Scores, protocol: str, condition: str, metric: str) -> list[str]:
     """Return the models without a failed run but the constant one, the best first, DRAWN of them."""
     values = {model: report.estimate(protocol, condition, model, metric) for model in report.models}
     good = [model for model, value in values.items() if value.runs and not value.failed and model != "constant"]
     return sorted(good, key=lambda model: values[model].mean, reverse=metric in MEASURES["images"])[:DRAWN]
 
 
-def ends(report: Report, places: list[tuple[str, str]], metric: str) -> list[tuple[str, str]]:
+def ends(report: Scores, places: list[tuple[str, str]], metric: str) -> list[tuple[str, str]]:
     """Return the places to draw, in their order: all, or of many those with the ENDS best and ENDS worst scores.
 
     The score of a place (protocol, condition) is that of its best model; a place that no model was scored on has none.
@@ -130,7 +175,7 @@ def ends(report: Report, places: list[tuple[str, str]], metric: str) -> list[tup
 def draw(
     workspace: Workspace,
     folder: Path,
-    report: Report,
+    report: Scores,
     settings: Mapping,
     rows: pa.Table,
     places: Mapping[tuple[str, str], str],
@@ -159,7 +204,7 @@ Drawing = Iterator[tuple[str, Callable[[Path], None]]]  # what a figure shows, a
 
 
 def draw_windows(
-    report: Report, settings: Mapping, rows: pa.Table, guesses: Mapping, place: tuple[str, str], title: str
+    report: Scores, settings: Mapping, rows: pa.Table, guesses: Mapping, place: tuple[str, str], title: str
 ) -> Drawing:
     """Yield the cloud of forces and the maps of windows pressed hard; guesses: model -> (n, cells) in kPa."""
     sensor, truth = settings["sensor"], metrics.as_maps(schemas.matrix(rows["y"]), settings)
@@ -168,7 +213,7 @@ def draw_windows(
     load_cell_n, clouds = np.nansum(schemas.matrix(rows["force_n"])[shown], axis=1), []
     maps = {model: metrics.as_maps(guess, settings) for model, guess in guesses.items()}
     for model, values in maps.items():
-        factor = report.results.runs(report.experiment, *place, model, "force_gain").iloc[0]
+        factor = report.runs(*place, model, "force_gain").iloc[0]
         clouds.append(common.Cloud("", load_cell_n, factor * metrics.integral_n(values[shown], sensor), model))
     yield "force", lambda path: common.agreement(path, title, {"": clouds}, "N")
     order = np.argsort(truth.max(axis=(1, 2)), kind="stable")
@@ -182,7 +227,7 @@ def draw_windows(
 
 
 def draw_series(
-    report: Report, settings: Mapping, rows: pa.Table, guesses: Mapping, place: tuple[str, str], title: str
+    report: Scores, settings: Mapping, rows: pa.Table, guesses: Mapping, place: tuple[str, str], title: str
 ) -> Drawing:
     """Yield true and predicted places over time; guesses: model -> (n, 3) in mm, NaN where not asked."""
     truth, time_s = schemas.matrix(rows["y"]), rows["t_s"].to_numpy() - rows["t_s"][0].as_py()
@@ -197,7 +242,7 @@ def draw_series(
 
 
 def draw_images(
-    report: Report, settings: Mapping, rows: pa.Table, guesses: Mapping, place: tuple[str, str], title: str
+    report: Scores, settings: Mapping, rows: pa.Table, guesses: Mapping, place: tuple[str, str], title: str
 ) -> Drawing:
     """Yield what the best model takes each object for; guesses: model -> (n, classes)."""
     model, guess = next(iter(guesses.items()))

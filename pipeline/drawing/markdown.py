@@ -9,7 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.scoring.results import Estimate
+from pipeline.scoring.estimates import R2, SHARE, Estimate, scale_of
+
+COUNTS = ("params", "macs")  # metrics that are whole numbers
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -49,3 +51,17 @@ def interval(estimate: Estimate, digits: int = 2) -> str:
 def size(value: float) -> str:
     """Return a count with thousands separators; a dash for NaN."""
     return "-" if np.isnan(value) else f"{round(value):,}"
+
+
+def score(value: Estimate, metric: str, digits: int = 2, percent: bool = False, runs: int = 0) -> str:
+    """Return the estimate of a metric as words; a failed run is said, and where fewer than `runs` were made, how many.
+
+    digits: of all but shares and R2, which have three where they are not in percent.
+    """
+    if not value.runs + value.failed:
+        return "not run"
+    if metric in COUNTS and value.runs:
+        return size(value.mean)
+    digits = digits if percent or scale_of(metric) not in (SHARE, R2) else 3
+    said = interval(value.percent() if percent else value, digits)
+    return said if value.runs + value.failed >= runs else f"{said}, of {value.runs + value.failed}"

@@ -17,8 +17,9 @@ from pipeline.base import params, paths
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits, labels, schemas
 from pipeline.datasets.images import classes
-from pipeline.scoring import glove_results, metrics
-from pipeline.scoring.results import read_csv, read_predictions, read_windows
+from pipeline.results import glove_results
+from pipeline.scoring import metrics
+from pipeline.scoring.estimates import read_csv, read_predictions, read_windows
 
 KEY = ["experiment", "protocol", "condition", "model", "variant", "metric"]
 COLUMNS = [*KEY, "seed", "budget", "unit", "value", "n"]

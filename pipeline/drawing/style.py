@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
 from pipeline.base import files
-from pipeline.reporting.words.labels import model_name
+from pipeline.drawing.labels import model_name
 
 DPI = 150
 BLACK, GREY = "#000000", "#777777"

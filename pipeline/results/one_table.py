@@ -16,11 +16,11 @@ import pandas as pd
 from pipeline import experiments
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
-from pipeline.scoring import shards, times, units
-from pipeline.scoring.claim_inputs import COLUMNS, DERIVED_METRICS, FULL, HALF, KEY, LOOK
-from pipeline.scoring.published import ANY
-from pipeline.scoring.results import Estimate, estimate, read_csv, scale_of
-from pipeline.scoring.strain_results import LATENT
+from pipeline.results import shards, times, units
+from pipeline.results.claim_inputs import COLUMNS, DERIVED_METRICS, FULL, HALF, KEY, LOOK
+from pipeline.results.published import ANY
+from pipeline.results.strain_results import LATENT
+from pipeline.scoring.estimates import Estimate, estimate, read_csv, read_scores, scale_of
 
 PRINTED_SHAPE = "printed_shape"  # variant: a count at the input that the paper's is of
 MADE_BY = "dvc repro"
@@ -154,11 +154,9 @@ def of_own_logs(values: Mapping) -> list[str]:
     return [name for name in values["experiments"] if values[name].get("source", SIMULATED) != SIMULATED]
 
 
-def of_look(workspace: Workspace, experiment: str, own: bool = False) -> Results:
-    """Return what the stages of one experiment computed here; own: of own logs, where the look is all that there is."""
-    table = read(of_experiment(workspace, experiment))
-    budget = table["budget"].where(table["budget"] != LOOK, FULL) if own else table["budget"]
-    return Results(table.assign(budget=budget))
+def of_look(workspace: Workspace, experiment: str) -> Results:
+    """Return what the stages of one experiment computed here."""
+    return Results(read(of_experiment(workspace, experiment)))
 
 
 def results(workspace: Workspace, own: Collection[str], experiment: str = "") -> Results:
@@ -188,12 +186,8 @@ def read(files: Mapping[str, Path | list[Path]]) -> pd.DataFrame:
 
 
 def _scores(path: Path) -> pd.DataFrame:
-    """Return scores.csv. A run without an RMSE failed, whatever its other metrics say: a map of NaN has no peak."""
-    run = ["experiment", "protocol", "condition", "model", "seed"]
-    table = read_csv(path, [*run, "metric", "unit", "value", "n"], MADE_BY)
-    failed = table[(table["metric"] == "rmse") & table["value"].isna()][run]
-    lost = pd.MultiIndex.from_frame(table[run]).isin(pd.MultiIndex.from_frame(failed))
-    return table.assign(value=table["value"].where(~lost), budget=LOOK, **{WHOLE: True})
+    """Return scores.csv of the look."""
+    return read_scores(path, MADE_BY).assign(budget=LOOK, **{WHOLE: True})
 
 
 def _times(table: pd.DataFrame) -> pd.DataFrame:

@@ -4,7 +4,7 @@ A run is known by its content, a digest of settings, scores, and shards or weigh
 changed result is a new run. No run is ever deleted or changed, but for its tags `current` ("true" where the last call
 found its content among the results), `shown` (of the budget whose numbers the reports show), `compared` (of these the
 one that stands for its model on a protocol) and `readme` (with a number in README.md beside a paper's), of which
-pipeline/scoring/shown.py tells. Times are no part of the content.
+pipeline/results/shown.py tells. Times are no part of the content.
 """
 
 import hashlib
@@ -28,13 +28,14 @@ from pipeline.base.availability import why_not_run
 from pipeline.base.errors import InputError
 from pipeline.base.paths import Workspace
 from pipeline.datasets import fits
+from pipeline.drawing import labels
 from pipeline.experiments import facts
 from pipeline.inference import card as cards
 from pipeline.inference import mlflow_store
-from pipeline.reporting.words import labels
-from pipeline.scoring import one_table, published, results, shards, shown, units
-from pipeline.scoring.claim_inputs import FULL, HALF, LOOK
-from pipeline.scoring.one_table import TRAIN_S, Results
+from pipeline.results import one_table, published, shards, shown, units
+from pipeline.results.claim_inputs import FULL, HALF, LOOK
+from pipeline.results.one_table import TRAIN_S, Results
+from pipeline.scoring import estimates
 
 CODE = paths.CODE / "inference" / "mlflow_model.py"
 # What a loaded model imports, and pandas, which MLflow hands it tables with. MLflow finds this out in seconds a model.
@@ -89,7 +90,7 @@ def _run(experiment: str, of: Mapping[str, str], seeds: str, content: list, scor
             points[f"published/{base}"] = printed
     identity = [experiment, *of.values(), seeds, *content, points]
     tags["content"] = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
-    shares = {name: x for name, x in points.items() if results.scale_of(name.rpartition(".")[2]) == results.SHARE}
+    shares = {name: x for name, x in points.items() if estimates.scale_of(name.rpartition(".")[2]) == estimates.SHARE}
     lacking = {f"errors/{name[5:]}": 1 - x for name, x in shares.items() if name.startswith("main/")}
     label, variant = labels.model_name(of["model"]), of.get("variant", NONE)
     told = [label, of["protocol"], *[variant] * (variant != NONE)]
@@ -121,7 +122,7 @@ def evidence(workspace: Workspace, kept: Results) -> dict[str, list[Run]]:
         settings = {name: " or ".join(sorted(each)) for name, each in changed.items()}
         each = [(row.condition, row.metric, int(row.seed), row.value) for row in group.itertuples()]
         means = [
-            (*at, results.estimate(values, results.scale_of(at[1])).mean)
+            (*at, estimates.estimate(values, estimates.scale_of(at[1])).mean)
             for at, values in group.groupby(SCORE, sort=False)["value"]
         ]
         count = group["seed"].nunique()
@@ -176,17 +177,17 @@ def look(workspace: Workspace, experiment: str, values: Mapping) -> Iterator[Run
     """
     settings, made_by, file = values[experiment], params.training_command(experiment), workspace.scores(experiment)
     columns = ["protocol", "condition", "model", "seed", "metric", "unit", "value"]
-    scores = results.read_csv(file, columns, "dvc repro evaluate")
-    latency = results.read_latency(workspace, experiment, settings)
+    scores = estimates.read_csv(file, columns, "dvc repro evaluate")
+    latency = estimates.read_latency(workspace, experiment, settings)
     for model in settings["models"]:
         speed = {f"latency.batch_{n}.p50_ms": latency[model, n]["p50_ms"] for n in settings["latency"]["batches"]}
         timed = workspace.training_times(experiment, model)
-        times = results.read_csv(timed, ["protocol", "seed", "train_s"], made_by).set_index(["protocol", "seed"])
+        times = estimates.read_csv(timed, ["protocol", "seed", "train_s"], made_by).set_index(["protocol", "seed"])
         for protocol, seed in params.runs(values, experiment):
             if (protocol, seed) not in times.index:
                 raise InputError(f"{timed}: no row for protocol {protocol}, seed {seed}; run `{made_by}` again")
             folder = workspace.run_folder(experiment, model, protocol, seed)
-            history = results.read_csv(folder / "history.csv", ["epoch", *CURVES], made_by)
+            history = estimates.read_csv(folder / "history.csv", ["epoch", *CURVES], made_by)
             fit = fits.read_as_set(folder, values, experiment, model, protocol)
             flat = pd.json_normalize(fit["settings"]).to_dict("records")[0] if fit["settings"] else {}
             flat = {name: value if isinstance(value, str) else json.dumps(value) for name, value in flat.items()}
@@ -268,7 +269,10 @@ def log(
     protocol = next((at for at in protocols if any(run.tags["protocol"] == at for run in runs)), "")
     first = next((run for run in runs if run.tags["protocol"] == protocol), runs[0])
     score = score if score in [name for name, _, _ in first.points] else first.points[0][0]
-    less = score.startswith("errors/") or results.scale_of(score.rpartition(".")[2]) in (results.PLAIN, results.LOG)
+    less = score.startswith("errors/") or estimates.scale_of(score.rpartition(".")[2]) in (
+        estimates.PLAIN,
+        estimates.LOG,
+    )
     return len(new), mlflow_store.link(in_mlflow, first.tags["protocol"], score, less)
 
 

@@ -22,7 +22,7 @@ from pipeline.base.facts import FOLDS, Facts
 from pipeline.base.paths import Workspace
 from pipeline.datasets import images, schemas
 from pipeline.scoring import metrics
-from pipeline.scoring.results import FEWEST, read_predictions, read_windows
+from pipeline.scoring.estimates import FEWEST, read_predictions, read_windows
 
 MOST_UNITS = 100  # of a condition: presses in a row are one where there are more
 MOST_OF_SUBJECT = 10  # likewise of one person: how persons differ weighs more
