@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pipeline import models
-from pipeline.base import params
-from pipeline.learning import updates
-from pipeline.learning.spec import Spec, of_images
+from tactile import models
+from tactile.base import params
+from tactile.learning import updates
+from tactile.learning.spec import Spec, of_images
 
 EPOCHS = 3
 UPDATES = 24  # of an epoch

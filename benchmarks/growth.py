@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import NullLocator
 
-from pipeline.base import files
-from pipeline.drawing import style
+from tactile.base import files
+from tactile.drawing import style
 
 COLUMNS = ("task", "against", "size", "size_unit", "seconds", "mb", "time_exponent", "memory_exponent")
 DATA, ELEMENTS = "data", "elements"

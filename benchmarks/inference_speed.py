@@ -15,15 +15,15 @@ import numpy as np
 import torch
 
 from benchmarks import made
-from pipeline import models
-from pipeline.base import files
-from pipeline.inference import card as cards
-from pipeline.inference import onnx_export
-from pipeline.inference.onnx_network import NAME, READINGS, first_states, session
-from pipeline.inference.predictor import Predictor
-from pipeline.learning.series_regressors import Scaling
-from pipeline.learning.spec import Spec, of_images
-from pipeline.tasks import windows
+from tactile import models
+from tactile.base import files
+from tactile.inference import card as cards
+from tactile.inference import onnx_export
+from tactile.inference.onnx_network import NAME, READINGS, first_states, session
+from tactile.inference.predictor import Predictor
+from tactile.learning.series_regressors import Scaling
+from tactile.learning.spec import Spec, of_images
+from tactile.tasks import windows
 
 NETWORKS = (
     *(("touch", "lomp"), ("touch", "lomp_stream"), ("touch", "cnn")),

@@ -8,13 +8,13 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from pipeline import tasks
-from pipeline.base import params
-from pipeline.base.params_file import copied, set_values
-from pipeline.base.paths import CODE
-from pipeline.datasets import schemas
-from pipeline.datasets.series import Record
-from pipeline.experiments import glove, touch
+from tactile import tasks
+from tactile.base import params
+from tactile.base.params_file import copied, set_values
+from tactile.base.paths import CODE
+from tactile.datasets import schemas
+from tactile.datasets.series import Record
+from tactile.experiments import glove, touch
 
 ROOT = CODE.parent
 LOGS = Path("data", "own", "logs", "single")  # where measure.ingest looks for recordings

@@ -16,9 +16,9 @@ from pathlib import Path
 import psutil
 
 from benchmarks.made import ROOT
-from pipeline import models
-from pipeline.base import processes
-from pipeline.base.paths import Workspace
+from tactile import models
+from tactile.base import processes
+from tactile.base.paths import Workspace
 
 HERE = Path(__file__).resolve().parent
 UPDATES, EPOCHS = 5, 3  # of a network, timed together
@@ -44,8 +44,8 @@ def measured(task: str, folder: Path, size: float = 0, worker: bool = False) -> 
 def read_log(folder: Path, _):
     """The array's log, all lines checked."""
     from benchmarks.made import touch_settings
-    from pipeline.experiments import touch
-    from pipeline.logs import parse
+    from tactile.experiments import touch
+    from tactile.logs import parse
 
     fmt = touch.array_format(touch_settings())
     return lambda: parse.read_log(folder / "array.log", fmt)
@@ -61,7 +61,7 @@ def read_log_pandas(folder: Path, _):
 def ingest(folder: Path, _):
     """All logs in `folder`/data/own/logs to frames: the stage."""
     from benchmarks.made import touch_settings
-    from pipeline.stages import ingest
+    from tactile.stages import ingest
 
     workspace, settings = Workspace(folder), touch_settings() | {"source": "data/own/logs"}
     return lambda: ingest.ingest(workspace, "touch", settings)
@@ -70,8 +70,8 @@ def ingest(folder: Path, _):
 def dataset(folder: Path, _):
     """Frames to windows to a dataset: both stages, with the papers' amounts of windows and splits."""
     from benchmarks.made import at_papers_amount
-    from pipeline.base import params
-    from pipeline.stages import dataset, window
+    from tactile.base import params
+    from tactile.stages import dataset, window
 
     values = at_papers_amount(folder)
     params.load = lambda *_: values  # in this process, which ends with the task
@@ -172,12 +172,12 @@ def lomp_updates(_, windows: float):
     """UPDATES updates of LoMP, a batch of `windows` each."""
     import torch
 
-    from pipeline.learning.training import precision_on
+    from tactile.learning.training import precision_on
 
     model = lomp(5, epochs=UPDATES)
     model.training = model.training.model_copy(update={"batch_size": int(windows)})
     model.precision = precision_on(torch.device("cpu"), model.training.precision)
-    optimiser = torch.optim.Adam(model.network.parameters(), fused=True)  # as pipeline/learning/regressors.py
+    optimiser = torch.optim.Adam(model.network.parameters(), fused=True)  # as tactile/learning/regressors.py
     x, y = _batch(windows)
 
     def descend(losses) -> torch.Tensor:
@@ -212,7 +212,7 @@ def _plain_updates(network, windows: float):
     import torch
 
     from benchmarks import peers
-    from pipeline.learning.training import precision_on
+    from tactile.learning.training import precision_on
 
     model = lomp(5, epochs=1)
     precision = precision_on(torch.device("cpu"), model.training.precision)
@@ -245,9 +245,9 @@ def sp_resnet_epoch_plain(_, images: float):
     import torch
 
     from benchmarks import peers
-    from pipeline.learning.image_classifier import augmented, draw_alterations
-    from pipeline.models import sp_resnet
-    from pipeline.settings.training import AugmentedTraining
+    from tactile.learning.image_classifier import augmented, draw_alterations
+    from tactile.models import sp_resnet
+    from tactile.settings.training import AugmentedTraining
 
     block, x, y, _ = _images(images)
     network, order = sp_resnet.network(1, 16, block["reduction"]), torch.Generator().manual_seed(0)
@@ -263,8 +263,8 @@ def sp_resnet_epoch_plain(_, images: float):
 def _images(count: float):
     import numpy as np
 
-    from pipeline.base import params
-    from pipeline.learning.spec import of_images
+    from tactile.base import params
+    from tactile.learning.spec import of_images
 
     block = shortened(params.load(ROOT / "params.yaml")["glove"]["models"]["sp_resnet"], 1)
     rng = np.random.default_rng(0)
@@ -280,7 +280,7 @@ def lomp(side: int, epochs: int):
 def touch_network(model: str, side: int, epochs: int):
     """A network of the touch experiment on an array of side x side elements."""
     from benchmarks.made import touch_settings
-    from pipeline.learning.spec import Spec
+    from tactile.learning.spec import Spec
 
     block = shortened(touch_settings()["models"][model], epochs)
     return models.build(model, Spec(8, side, side, 4 * side, 4 * side), block, "benchmark")
@@ -288,8 +288,8 @@ def touch_network(model: str, side: int, epochs: int):
 
 def lstm(epochs: int):
     """The strain experiment's LSTM, directly trained."""
-    from pipeline.base import params
-    from pipeline.learning.spec import Spec
+    from tactile.base import params
+    from tactile.learning.spec import Spec
 
     block = shortened(params.load(ROOT / "params.yaml")["strain"]["models"]["lstm_direct"], epochs)
     return models.build("lstm_direct", Spec(10, 1, 6, 1, 2), block, "benchmark")

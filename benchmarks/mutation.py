@@ -36,65 +36,74 @@ FITTED, TRACKED, KEPT = (
 )
 INTERVALS, LIVE = "inference/test_prediction_intervals.py", "live/test_live_session.py live/test_live_stream.py"
 UNITS = "logs/test_sizes_of_units.py logs/test_units_in_headers.py logs/test_units_in_lines.py"
-# file of pipeline/, or pattern of files -> functions and constants whose faults are wrong numbers in silence (ALL: of
+# file, or pattern of files -> functions and constants whose faults are wrong numbers in silence (ALL: of
 # all that it has), and tests that should see them
 CHOSEN = {
-    "stability/*.py": (ALL, f"stability {SELECTION}"),
-    "tasks/*.py": (ALL, f"{SELECTION} stages/test_fitted_parts.py general/test_latency.py"),
-    "base/ranges.py": ("of excess outside of_areas", f"{FITTED} {KEPT}"),
-    "inference/training.py": (ALL, FITTED),
-    "inference/intervals.py": (ALL, INTERVALS),
-    "inference/calibration.py": ("calibrated _bound _coverage _of_series _without_validation _blocks", INTERVALS),
-    "tracking/mlflow_runs.py": ("_run evidence look", f"{TRACKED} general/test_tracked_weights.py"),
-    "results/published.py": ("number score", TRACKED),
-    "targets/kept.py": ("write trained_on predict _outside", KEPT),
-    "targets/features.py": ("windows statistics firsts columns", f"{KEPT} targets/test_grouped.py"),
-    "studies/counts.py": ("count _row", "general/test_golden.py"),
-    "live/*.py": ("take _predict _evaluated _start _choose_step add fields picture", LIVE),
-    "logs/units.py": (ALL, UNITS),
-    "studies/variants.py": ("run fit of_base rows", f"{SELECTION} studies/test_variants.py"),
-    "studies/joined_frames.py": ("scores", "studies/test_input_frames.py"),
-    "studies/latent.py": ("decoded", f"{SERIES} studies/test_latent.py"),
-    "studies/joint_angles.py": ("named", "experiments/test_glove_recorded.py"),
-    "learning/training.py": ("run_epochs rate_at", "learning/test_training.py general/test_contract_of_models.py"),
-    "learning/regressors.py": ("fit update zero_linear _of_an_epoch", "learning/test_regressors.py"),
-    "learning/image_classifier.py": ("augmented train_on", "learning/test_image_classifier.py"),
-    "learning/series_regressors.py": ("fit __init__", SERIES),
-    "learning/lstm.py": ("_freeze", SERIES),
-    "learning/lomp_network.py": ("forward", "learning/test_lomp_network.py"),
-    "learning/lomp_shape.py": ("neighbour_matrix", "learning/test_lomp_network.py"),
-    "learning/lomp_prediction.py": ("update_gru", "learning/test_lomp_network.py"),
-    "learning/residual_blocks.py": ("forward", "models/test_image_models.py"),
-    "models/lstm_highpass.py": ("fit", SERIES),
-    "models/lomp_stream.py": ("train_epoch _maps", "models/test_lomp_stream.py"),
-    "experiments/touch.py": ("split _ground_truth", "experiments/test_splits.py stages/test_touch_ingest.py"),
-    "experiments/strain_recorded.py": ("split", "experiments/test_strain_recorded.py"),
-    "experiments/velostat_recorded.py": ("split", "experiments/test_splits.py"),
-    "experiments/glove.py": ("split joint_means", "experiments/test_glove.py"),
-    "datasets/series.py": ("chronological seen_in_training", SERIES),
-    "datasets/labels.py": ("pressure_maps", "datasets/test_labels.py"),
-    "datasets/windowing.py": ("window_rows windows_table", "datasets/test_windowing.py"),
-    "datasets/images.py": ("normalised", "experiments/test_glove.py"),
-    "datasets/specimens.py": ("drawn of_seed number", SPECIMENS),
-    "scenes/readout.py": ("column_voltage", "scenes/test_touch_scene.py"),
-    "stages/ingest.py": ("_write_frames", "stages/test_touch_ingest.py"),
-    "stages/latency.py": ("prediction_times training_seconds fastest main", "general/test_latency.py"),
-    "scoring/metrics.py": ("touch series overall unless_failed", "scoring/test_metrics.py learning/test_trained.py"),
-    "scoring/classification.py": ("scores", "scoring/test_classification.py"),
-    "results/frame_sets.py": ("drawn_sets", "studies/test_input_frames.py"),
-    "scoring/estimates.py": ("estimate", "scoring/test_results.py"),
-    "claims/sizes.py": ("verdict judge excesses", f"{PAIRING} studies/test_sizes.py"),
-    "claims/physics.py": ("_change", PAIRING),
-    "claims/equivalence.py": ("inside lies_within", VERDICTS),
-    "scoring/conformal.py": ("quantile half_width class_threshold class_sets", "scoring/test_conformal.py"),
-    "targets/validate.py": ("tests parts final calibrated fitted covered", f"targets/test_grouped.py {KEPT}"),
-    "models/rnn.py": ("forward", "general/test_time_order.py"),
-    "live/session.py": ("_is_predicted", ONE_LOG),
-    "inference/timing.py": ("most_filled between", ONE_LOG),
-    "scenes/touch_stress.py": ("plan", f"{SPECIMENS} stability/test_stress_windows.py"),
-    "stages/metrics.py": ("of_experiment", "general/test_golden.py"),
-    "claims/rules.py": ("above near within order timed BAND", VERDICTS),
-    "claims/expressions.py": ("evaluate _value", VERDICTS),
+    "pipeline/stability/*.py": (ALL, f"stability {SELECTION}"),
+    "tactile/tasks/*.py": (ALL, f"{SELECTION} stages/test_fitted_parts.py general/test_latency.py"),
+    "tactile/base/ranges.py": ("of excess outside of_areas", f"{FITTED} {KEPT}"),
+    "tactile/inference/training.py": (ALL, FITTED),
+    "tactile/inference/intervals.py": (ALL, INTERVALS),
+    "tactile/inference/calibration.py": (
+        "calibrated _bound _coverage _of_series _without_validation _blocks",
+        INTERVALS,
+    ),
+    "pipeline/tracking/mlflow_runs.py": ("_run evidence look", f"{TRACKED} general/test_tracked_weights.py"),
+    "pipeline/results/published.py": ("number score", TRACKED),
+    "tactile/targets/kept.py": ("write trained_on predict _outside", KEPT),
+    "tactile/targets/features.py": ("windows statistics firsts columns", f"{KEPT} targets/test_grouped.py"),
+    "pipeline/studies/counts.py": ("count _row", "general/test_golden.py"),
+    "tactile/live/*.py": ("take _predict _evaluated _start _choose_step add fields picture", LIVE),
+    "tactile/logs/units.py": (ALL, UNITS),
+    "pipeline/studies/variants.py": ("run fit of_base rows", f"{SELECTION} studies/test_variants.py"),
+    "pipeline/studies/joined_frames.py": ("scores", "studies/test_input_frames.py"),
+    "pipeline/studies/latent.py": ("decoded", f"{SERIES} studies/test_latent.py"),
+    "pipeline/studies/joint_angles.py": ("named", "experiments/test_glove_recorded.py"),
+    "tactile/learning/training.py": (
+        "run_epochs rate_at",
+        "learning/test_training.py general/test_contract_of_models.py",
+    ),
+    "tactile/learning/regressors.py": ("fit update zero_linear _of_an_epoch", "learning/test_regressors.py"),
+    "tactile/learning/image_classifier.py": ("augmented train_on", "learning/test_image_classifier.py"),
+    "tactile/learning/series_regressors.py": ("fit __init__", SERIES),
+    "tactile/learning/lstm.py": ("_freeze", SERIES),
+    "tactile/learning/lomp_network.py": ("forward", "learning/test_lomp_network.py"),
+    "tactile/learning/lomp_shape.py": ("neighbour_matrix", "learning/test_lomp_network.py"),
+    "tactile/learning/lomp_prediction.py": ("update_gru", "learning/test_lomp_network.py"),
+    "tactile/learning/residual_blocks.py": ("forward", "models/test_image_models.py"),
+    "tactile/models/lstm_highpass.py": ("fit", SERIES),
+    "tactile/models/lomp_stream.py": ("train_epoch _maps", "models/test_lomp_stream.py"),
+    "tactile/experiments/touch.py": ("split _ground_truth", "experiments/test_splits.py stages/test_touch_ingest.py"),
+    "tactile/experiments/strain_recorded.py": ("split", "experiments/test_strain_recorded.py"),
+    "tactile/experiments/velostat_recorded.py": ("split", "experiments/test_splits.py"),
+    "tactile/experiments/glove.py": ("split joint_means", "experiments/test_glove.py"),
+    "tactile/datasets/series.py": ("chronological seen_in_training", SERIES),
+    "tactile/datasets/labels.py": ("pressure_maps", "datasets/test_labels.py"),
+    "tactile/datasets/windowing.py": ("window_rows windows_table", "datasets/test_windowing.py"),
+    "tactile/datasets/images.py": ("normalised", "experiments/test_glove.py"),
+    "tactile/datasets/specimens.py": ("drawn of_seed number", SPECIMENS),
+    "pipeline/scenes/readout.py": ("column_voltage", "scenes/test_touch_scene.py"),
+    "tactile/stages/ingest.py": ("_write_frames", "stages/test_touch_ingest.py"),
+    "pipeline/stages/latency.py": ("prediction_times training_seconds fastest main", "general/test_latency.py"),
+    "tactile/scoring/metrics.py": (
+        "touch series overall unless_failed",
+        "scoring/test_metrics.py learning/test_trained.py",
+    ),
+    "tactile/scoring/classification.py": ("scores", "scoring/test_classification.py"),
+    "pipeline/results/frame_sets.py": ("drawn_sets", "studies/test_input_frames.py"),
+    "tactile/scoring/estimates.py": ("estimate", "scoring/test_results.py"),
+    "pipeline/claims/sizes.py": ("verdict judge excesses", f"{PAIRING} studies/test_sizes.py"),
+    "pipeline/claims/physics.py": ("_change", PAIRING),
+    "pipeline/claims/equivalence.py": ("inside lies_within", VERDICTS),
+    "tactile/scoring/conformal.py": ("quantile half_width class_threshold class_sets", "scoring/test_conformal.py"),
+    "tactile/targets/validate.py": ("tests parts final calibrated fitted covered", f"targets/test_grouped.py {KEPT}"),
+    "tactile/models/rnn.py": ("forward", "general/test_time_order.py"),
+    "tactile/live/session.py": ("_is_predicted", ONE_LOG),
+    "tactile/inference/timing.py": ("most_filled between", ONE_LOG),
+    "pipeline/scenes/touch_stress.py": ("plan", f"{SPECIMENS} stability/test_stress_windows.py"),
+    "pipeline/stages/metrics.py": ("of_experiment", "general/test_golden.py"),
+    "pipeline/claims/rules.py": ("above near within order timed BAND", VERDICTS),
+    "pipeline/claims/expressions.py": ("evaluate _value", VERDICTS),
 }
 SWAPPED = {
     **{ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq},
@@ -109,7 +118,7 @@ ARRAYS = (ast.Name, ast.Attribute, ast.Subscript)  # what may be an array
 
 
 class Mutant(NamedTuple):
-    """A file of the pipeline with one fault, `what`, and the tests that should see it."""
+    """A file of the code with one fault, `what`, and the tests that should see it."""
 
     file: str
     what: str
@@ -181,25 +190,25 @@ def places(tree: ast.Module, file: str, name: str) -> list[ast.AST]:
     found = [node for node in functions if node.name == name or (name == ALL and node not in inner)]
     found += [node for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name]
     if not found:
-        raise ValueError(f"pipeline/{file} has no {name}; bring CHOSEN up to date")
+        raise ValueError(f"{file} has no {name}; bring CHOSEN up to date")
     return found
 
 
 def chosen() -> Iterator[tuple[str, list[str], str]]:
     """Yield each file of CHOSEN, those of a pattern that have one of its names, with these names and the tests."""
     for pattern, (names, tests) in CHOSEN.items():
-        paths = sorted((ROOT / "pipeline").glob(pattern))
+        paths = sorted(ROOT.glob(pattern))
         for path in paths:
             tree = ast.parse(path.read_text(encoding="utf-8"))
             of = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
             known = [name for name in names.split() if len(paths) == 1 or name in of or (name == ALL and of)]
             if known:
-                yield path.relative_to(ROOT / "pipeline").as_posix(), known, tests
+                yield path.relative_to(ROOT).as_posix(), known, tests
 
 
 def mutants(file: str, names: list[str], tests: str) -> Iterator[Mutant]:
     """Yield every mutant of the functions and constants of these names; ValueError where there is none of a name."""
-    tree = ast.parse((ROOT / "pipeline" / file).read_text(encoding="utf-8"))
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
     for name in names:
         for where, parent in ((node, inner) for node in places(tree, file, name) for inner in ast.walk(node)):
             for field, value in ast.iter_fields(parent):
@@ -255,7 +264,7 @@ def main() -> int:
         if wrong := [tests for tests in sorted({mutant.tests for mutant in made}) if fail(folder, tests)]:
             sys.exit(f"error: these tests fail as the code is: {', '.join(wrong)}")
         for mutant in tqdm(made, unit="mutant"):
-            path = folder / "pipeline" / mutant.file
+            path = folder / mutant.file
             before = path.read_text(encoding="utf-8")
             path.write_text(mutant.source, encoding="utf-8")
             if not fail(folder, mutant.tests):

@@ -12,9 +12,9 @@ import pyarrow.csv
 import torch
 from torch import nn
 
-from pipeline.learning.lomp_network import Lomp
-from pipeline.learning.training import products_in
-from pipeline.logs import parse
+from tactile.learning.lomp_network import Lomp
+from tactile.learning.training import products_in
+from tactile.logs import parse
 
 
 class LoopedLomp(nn.Module):

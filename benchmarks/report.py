@@ -4,8 +4,8 @@ import csv
 from pathlib import Path
 
 from benchmarks import growth
-from pipeline.base import files
-from pipeline.drawing.markdown import table
+from tactile.base import files
+from tactile.drawing.markdown import table
 
 MET = {"yes": "yes", "no": "**no**", "failed": "**failed**", "": "-"}
 TABLES = {  # in the folder of this report, each written by its benchmark

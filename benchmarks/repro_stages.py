@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
-from pipeline.base import files
+from tactile.base import files
 
 COLUMNS = ("stage", "minutes", "busy_core_s", "idle_core_s")
 BEGINS = re.compile(r"Running stage '(\S+?)'")

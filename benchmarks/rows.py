@@ -8,7 +8,7 @@ import platform
 from pathlib import Path
 from typing import NamedTuple
 
-from pipeline.base import files
+from tactile.base import files
 
 PACKAGES = ("numpy", "pandas", "pyarrow", "scipy", "torch", "onnxruntime", "dvc")
 

@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks import made, peers
 from benchmarks.measure import measured
-from pipeline.base.paths import Workspace
-from pipeline.experiments import touch
-from pipeline.logs import parse
+from tactile.base.paths import Workspace
+from tactile.experiments import touch
+from tactile.logs import parse
 
 
 @pytest.fixture(scope="module")

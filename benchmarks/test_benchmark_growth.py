@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import growth, made
 from benchmarks.measure import measured
-from pipeline.base.paths import Workspace
+from tactile.base.paths import Workspace
 
 
 def points(task, against, sizes, unit, folder_of, repeats):

@@ -5,7 +5,7 @@ import pytest
 from benchmarks import inference_speed
 from benchmarks.inference_speed import ONNX, PREDICTOR, TORCH, Speed
 from benchmarks.made import ROOT
-from pipeline.base import params
+from tactile.base import params
 
 MOST_MS = {"lomp": 1, "lomp_stream": 0.1}
 WORK = {

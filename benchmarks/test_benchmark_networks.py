@@ -8,18 +8,18 @@ from tqdm import tqdm
 
 from benchmarks import made, measure, peers
 from benchmarks.made import ROOT
-from pipeline import experiments, tasks
-from pipeline.base import params, paths, workers
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas, series
-from pipeline.datasets.windows import Dataset
-from pipeline.learning.lstm import LstmRegressor
-from pipeline.learning.regressors import TorchRegressor
-from pipeline.learning.spec import Spec, of_series
-from pipeline.learning.training import precision_on
-from pipeline.models import esn, lstm_transfer_ridge
-from pipeline.settings.training import SequenceTraining
-from pipeline.tasks import windows as tasks_windows
+from tactile import experiments, tasks
+from tactile.base import params, paths, workers
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas, series
+from tactile.datasets.windows import Dataset
+from tactile.learning.lstm import LstmRegressor
+from tactile.learning.regressors import TorchRegressor
+from tactile.learning.spec import Spec, of_series
+from tactile.learning.training import precision_on
+from tactile.models import esn, lstm_transfer_ridge
+from tactile.settings.training import SequenceTraining
+from tactile.tasks import windows as tasks_windows
 
 
 @pytest.fixture(scope="module")

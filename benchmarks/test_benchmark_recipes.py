@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.made import ROOT
-from pipeline import models, tasks
-from pipeline.base import params, paths
-from pipeline.base.paths import Workspace
-from pipeline.learning import regressors, training
+from tactile import models, tasks
+from tactile.base import params, paths
+from tactile.base.paths import Workspace
+from tactile.learning import regressors, training
 
 PAPERS_RATE = 1e-3
 SEEDS = (0, 1, 2)  # of the first weights and the order of batches

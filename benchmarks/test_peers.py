@@ -11,12 +11,12 @@ import torch
 
 from benchmarks import growth, made, peers, report, repro_stages, rows
 from benchmarks.test_benchmark_repro import FORBIDDEN
-from pipeline.experiments import touch
-from pipeline.learning import lomp_network
-from pipeline.learning.lstm import Lstm
-from pipeline.learning.spec import Spec
-from pipeline.logs import parse
-from pipeline.models import esn
+from tactile.experiments import touch
+from tactile.learning import lomp_network
+from tactile.learning.lstm import Lstm
+from tactile.learning.spec import Spec
+from tactile.logs import parse
+from tactile.models import esn
 
 
 def test_stacked_peer_equals_lomp():

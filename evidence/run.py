@@ -21,7 +21,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
-from pipeline.base.processes import ONE_THREAD, die_with_parent, processor
+from tactile.base.processes import ONE_THREAD, die_with_parent, processor
 
 HERE = Path(__file__).resolve().parent
 WORK, SITE = HERE / "work", HERE / "site"

@@ -15,9 +15,9 @@ from builders import browser
 from builders.project import ROOT, SLOW_FIXTURES, Project, run_miniature
 from threadpoolctl import threadpool_limits
 
-from pipeline.base.params_file import copied
-from pipeline.base.paths import Workspace
-from pipeline.logs import sources
+from tactile.base.params_file import copied
+from tactile.base.paths import Workspace
+from tactile.logs import sources
 
 WAIT_S = 3600
 
@@ -104,7 +104,7 @@ def workspace(tmp_path) -> Workspace:
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures are made but not drawn: for tests that look at something else."""
-    from pipeline.drawing import style  # here, because it takes a second
+    from tactile.drawing import style  # here, because it takes a second
 
     def save(figure, path):
         path.touch()

@@ -32,9 +32,9 @@ import numpy as np
 from builders import own_logs
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 KEPT = ROOT / "build" / "fuzz"
 LONGEST_S, MEMORY = 15, 4 << 30  # beyond what the process has when it begins
@@ -168,7 +168,7 @@ def logs_of_models() -> dict[str, tuple[str, bytes]]:
 
 def logs(work: Path) -> Callable[[random.Random], Attempt]:
     """Logs that `predict` reads; changes that must not matter give the same numbers."""
-    from pipeline.inference import predictor, recordings
+    from tactile.inference import predictor, recordings
 
     models = {}
     for name, (folder, data, log) in logs_of_models().items():
@@ -233,9 +233,9 @@ def live(work: Path) -> Callable[[random.Random], Attempt]:
     """Bytes of a device that `live` reads, in pieces of any size."""
     from unittest.mock import patch
 
-    from pipeline.inference import predictor
-    from pipeline.live import outputs, server, source
-    from pipeline.live.session import Session
+    from tactile.inference import predictor
+    from tactile.live import outputs, server, source
+    from tactile.live.session import Session
 
     model, data = predictor.load(ROOT / "pretrained/touch/lomp_stream"), touch_log(200)
     layouts = [
@@ -281,8 +281,8 @@ def _paths(value, above: tuple = ()) -> Iterator[tuple]:
 
 def cards(work: Path) -> Callable[[random.Random], Attempt]:
     """Cards of saved models, beside their weights, for which a log is predicted."""
-    from pipeline.base import cards as base_cards
-    from pipeline.inference import predictor, recordings
+    from tactile.base import cards as base_cards
+    from tactile.inference import predictor, recordings
 
     paths, whole, every = {}, {}, {}
     for name, (folder, data, log) in logs_of_models().items():
@@ -329,8 +329,8 @@ def cards(work: Path) -> Callable[[random.Random], Attempt]:
 
 def weights(work: Path) -> Callable[[random.Random], Attempt]:
     """Files of weights whose card has their digest."""
-    from pipeline.base import cards as base_cards
-    from pipeline.inference import predictor
+    from tactile.base import cards as base_cards
+    from tactile.inference import predictor
 
     def one(rnd: random.Random) -> Attempt:
         source = ROOT / "pretrained" / rnd.choice(["strain/lstm_direct", "touch/lomp_stream"])
@@ -351,7 +351,7 @@ def estimators(work: Path) -> Callable[[random.Random], Attempt]:
     """Trees as skops keeps them, which predict."""
     from sklearn.tree import DecisionTreeRegressor
 
-    from pipeline.learning import estimators as kept
+    from tactile.learning import estimators as kept
 
     x = np.random.default_rng(0).normal(size=(80, 4))
     kept.write(work, DecisionTreeRegressor(max_depth=4).fit(x, x[:, 0]))
@@ -390,7 +390,7 @@ split: {by: session, pattern: '(anna_\\d+)/'}
 
 def settings(work: Path) -> Callable[[random.Random], Attempt]:
     """Files settings.yaml of sensors of one's own."""
-    from pipeline.own import settings as own_settings
+    from tactile.own import settings as own_settings
 
     def one(rnd: random.Random) -> Attempt:
         experiment = rnd.choice(list(SETTINGS))
@@ -434,7 +434,7 @@ def shards(work: Path) -> Callable[[random.Random], Attempt]:
     """The tables and settings of the evidence."""
     from pipeline.results import shards as kept
     from pipeline.results.claim_inputs import COLUMNS
-    from pipeline.scoring.estimates import read_csv
+    from tactile.scoring.estimates import read_csv
 
     evidence = work / "evidence"
     evidence.mkdir()
@@ -465,7 +465,7 @@ def imports(work: Path) -> Callable[[random.Random], Attempt]:
     import openpyxl
     import scipy.io
 
-    from pipeline.own import tables
+    from tactile.own import tables
 
     t = np.arange(0, 3, 0.02)
     values = np.column_stack([np.round(500 + 300 * np.sin(t + j)) for j in range(6)])
@@ -490,8 +490,8 @@ def imports(work: Path) -> Callable[[random.Random], Attempt]:
 
 def layouts(work: Path) -> Callable[[random.Random], Attempt]:
     """Logs of which `check` finds out how they are laid out."""
-    from pipeline.experiments import touch
-    from pipeline.own import logs as own
+    from tactile.experiments import touch
+    from tactile.own import logs as own
 
     own_logs.touch(work / "pad", 2, 3, 50, seconds=4.0, recordings=1, conditions=())
     block = params.load(ROOT / "params.yaml")["touch"]

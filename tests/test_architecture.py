@@ -19,46 +19,67 @@ from dvc.dependency.param import ParamsDependency
 from dvc.repo import Repo
 
 from benchmarks import mutation
-from pipeline.base import imports as import_finder
-from pipeline.base import params
-from pipeline.base.imports import DOORS, NO_NUMBER, closure, imported_names, room
-from pipeline.base.paths import Workspace
 from pipeline.results import shards
-from pipeline.stages import train
+from tactile.base import imports as import_finder
+from tactile.base import params
+from tactile.base.imports import DOORS, HOUSES, NO_NUMBER, closure, imported_names, room
+from tactile.base.paths import Workspace
+from tactile.stages import train
 
-CODE = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py"))
-CODE.remove("pipeline/__init__.py")
+CODE = sorted(path.relative_to(ROOT).as_posix() for house in HOUSES for path in (ROOT / house).rglob("*.py"))
+CODE = [file for file in CODE if file not in {f"{house}/__init__.py" for house in HOUSES}]
 # Each room, from the top down, and the rooms that it imports. It may also import whatever these import, and itself.
-ARROWS = {
-    "stages": {"inference", "reporting/page", "stability", "twins"},
-    "studies": {"reporting/page", "stability"},
-    "commands": {"live", "own", "reporting/page", "sheet/page", "stability", "targets", "twins"},
-    "own": {"inference"},  # sensors of your own: their settings, and what their logs need
-    "live": {"inference"},
-    "inference": {"reporting/figures", "targets", "tasks"},
-    "stability": {"tasks", "scenes"},
+TOOL = {  # tactile/, what anyone installs; it knows nothing of the reproduction
+    "commands": {"live", "own", "sheet/page"},
+    "own": {"inference", "sheet", "stages"},  # sensors of your own: their settings, what their logs need, their report
+    "live": {"inference", "targets"},
+    "inference": {"drawing", "tasks"},
+    "targets": {"drawing", "learning", "sheet"},  # any number, class or event that logs tell
+    "stages": {"tasks"},  # of the pipeline, and of logs of your own
     "tasks": {"models", "experiments", "scoring"},
-    "twins": {"scoring", "sheet"},
-    "sheet/page": {"sheet", "reporting/figures"},
-    "sheet": {"experiments", "scenes"},
     "models": {"learning"},
     "learning": {"datasets"},
-    "reporting/page": {"reporting"},
-    "reporting": {"claims", "reporting/figures", "experiments", "targets"},
-    "targets": {"learning", "sheet", "scoring"},
-    "reporting/figures": {"claims", "reporting/words", "scenes", "logs"},
-    "claims": {"scoring"},  # the only place that judges: claims, effects of scenes, sizes, stability
-    "reporting/words": {"scoring"},  # the names of models, Markdown
+    "sheet/page": {"drawing", "sheet"},
+    "sheet": {"experiments"},
+    "drawing": {"scoring"},  # what people read of sensors and of papers: style, tables, the names of models
     "scoring": {"experiments"},
-    "scenes": {"datasets"},
     "experiments": {"logs"},
     "logs": {"datasets"},
     "datasets": {"base"},
     "base": {"settings"},
     "settings": set(),  # pydantic classes; of a model's file it reads the class of its settings, and imports nothing
 }
-BY_NAME = {f"pipeline/{name}/__init__.py" for name in DOORS}
-BY_NAME |= {"pipeline/base/cluster.py", "pipeline/commands/command_line.py"}  # a task's function, a command
+REPRODUCTION = {  # pipeline/, three papers re-run; what it takes of the tool is below each
+    "commands": {"reporting", "tracking"},
+    "stages": {"reporting/page", "stability", "tracking", "twins"},
+    "studies": {"results", "stability"},
+    "tracking": {"results"},
+    "stability": {"scenes"},
+    "twins": {"scenes"},
+    "reporting/page": {"reporting"},
+    "reporting": {"claims", "reporting/figures"},
+    "reporting/figures": {"claims", "scenes"},
+    "claims": {"results"},  # the only place that judges: claims, effects of scenes, sizes, stability
+    "results": set(),  # the one table: shards, what the papers print, what is shown
+    "scenes": set(),
+}
+OF_THE_TOOL = {
+    "commands": {"commands"},
+    "stages": {"own", "stages"},
+    "tracking": {"inference"},
+    "stability": {"tasks"},
+    "twins": {"sheet"},
+    "reporting/figures": {"drawing"},
+    "results": {"scoring"},
+    "scenes": {"datasets"},
+}
+ARROWS = {f"tactile/{name}": {f"tactile/{other}" for other in others} for name, others in TOOL.items()}
+ARROWS |= {
+    f"pipeline/{name}": {f"pipeline/{other}" for other in others} | {f"tactile/{x}" for x in OF_THE_TOOL.get(name, ())}
+    for name, others in REPRODUCTION.items()
+}
+BY_NAME = {f"{name}/__init__.py" for name in DOORS}
+BY_NAME |= {"tactile/base/cluster.py", "tactile/commands/command_line.py"}  # a task's function, a command
 RUN = 'if __name__ == "__main__":'
 VALUES = params.load(ROOT / "params.yaml")
 SETS = shards.read_sets(Workspace(ROOT))
@@ -119,13 +140,14 @@ def test_only_names_from_settings_are_imported_by_name():
 
 def test_reporting_does_not_reach_torch():
     for file in CODE:
-        if room(file).startswith("reporting"):
+        if room(file).startswith("pipeline/reporting"):
             for other in closure(file):
                 packages = {step for name in imported_names(other) for step in name.split(".")}
                 assert "torch" not in packages, f"{file} comes to {other}, which imports torch"
 
 
-WITH_NETWORKS = {"models", "learning", "inference", "live", "studies"}  # rooms whose files may import torch at once
+WITH_NETWORKS = {"tactile/models", "tactile/learning", "tactile/inference", "tactile/live", "pipeline/studies"}
+WITH_NETWORKS |= {"pipeline/tracking"}  # rooms whose files may import torch at once
 WITHOUT_TORCH = """
 import importlib, sys
 import pytest
@@ -205,7 +227,7 @@ def models_of(names: Iterable[str]) -> set[str]:
 
 def kind_of(experiment: str) -> str:
     """Return the kind of input that an experiment's models see, as its file says."""
-    said = re.search(r'^KIND = "(\w+)"$', (ROOT / f"pipeline/experiments/{experiment}.py").read_text(), re.MULTILINE)
+    said = re.search(r'^KIND = "(\w+)"$', (ROOT / f"tactile/experiments/{experiment}.py").read_text(), re.MULTILINE)
     return said[1] if said else ""
 
 
@@ -214,29 +236,29 @@ def files_behind_doors(entry: Entry) -> dict[str, list[str]]:
     known = VALUES["experiments"]
     experiments = [word for word in entry.command[3:4] if word in known] or known
     names = {
-        "experiments": experiments,
-        "models": models_of(entry.params) or models_of(f"{experiment}.models" for experiment in experiments),
-        "scenes": experiments,
-        "tasks": {kind_of(experiment) for experiment in experiments},
+        "tactile/experiments": experiments,
+        "tactile/models": models_of(entry.params) or models_of(f"{experiment}.models" for experiment in experiments),
+        "pipeline/scenes": experiments,
+        "tactile/tasks": {kind_of(experiment) for experiment in experiments},
     }
-    files = {folder: [f"pipeline/{folder}/{name}.py" for name in own] for folder, own in names.items()}
+    files = {folder: [f"{folder}/{name}.py" for name in own] for folder, own in names.items()}
     return {folder: [file for file in own if file in CODE] for folder, own in files.items()}
 
 
 # Files of `tasks` and `experiments` have functions for several stages. These are what the others of them import.
-READ_LOGS = {"pipeline.stages.ingest", "pipeline.stages.stress", "pipeline.studies.physics"}
-SCORE_NOTHING = {"pipeline.stages.dataset", "pipeline.stages.train", "pipeline.stages.latency"}
+READ_LOGS = {"tactile.stages.ingest", "pipeline.stages.stress", "pipeline.studies.physics"}
+SCORE_NOTHING = {"tactile.stages.dataset", "tactile.stages.train", "pipeline.stages.latency"}
 
 
 def unused_by(entry: Entry) -> set[tuple[str, str]]:
     """Return the pairs of rooms of which a stage runs nothing that the first imports from the second."""
     module, *arguments = entry.command[2:]
-    unused = set() if module in READ_LOGS else {("experiments", "logs")}
-    unused |= {("tasks", "scoring")} if module in SCORE_NOTHING else set()
-    if module == "pipeline.stages.dataset":
-        unused |= {("tasks", "models"), ("tasks", "learning")}
-    if module == "pipeline.stages.train" and kind_of(arguments[0]) != "series":  # of its file only KIND is read
-        unused |= {("tasks", "experiments")}
+    unused = set() if module in READ_LOGS else {("tactile/experiments", "tactile/logs")}
+    unused |= {("tactile/tasks", "tactile/scoring")} if module in SCORE_NOTHING else set()
+    if module == "tactile.stages.dataset":
+        unused |= {("tactile/tasks", "tactile/models"), ("tactile/tasks", "tactile/learning")}
+    if module == "tactile.stages.train" and kind_of(arguments[0]) != "series":  # of its file only KIND is read
+        unused |= {("tactile/tasks", "tactile/experiments")}
     return unused
 
 
@@ -257,20 +279,20 @@ def test_dvc_watches_what_a_stage_imports(entries):
 
 def test_dvc_watches_code_that_is_there_and_can_change_a_number(entries):
     for name, dep in ((entry.name, dep) for entry in entries for dep in entry.deps):
-        assert not dep.startswith("pipeline/") or (ROOT / dep).exists(), f"{name}: {dep} does not exist"
-        assert not dep.startswith(("pipeline/base", "pipeline/settings")), f"{name}: {dep} can change no number"
+        assert not dep.startswith(("pipeline/", "tactile/")) or (ROOT / dep).exists(), f"{name}: {dep} does not exist"
+        assert not dep.startswith(("tactile/base", "tactile/settings")), f"{name}: {dep} can change no number"
 
 
 @pytest.mark.parametrize("experiment", VALUES["experiments"])
 def test_a_model_is_made_from_what_dvc_watches_for_its_stage(experiment, entries):
     """A change for which DVC runs the stage must train some model again; one for which it does not run, none."""
     (entry,) = (entry for entry in entries if entry.name == f"train@{experiment}")
-    needed = closure("pipeline/stages/train.py", files_behind_doors(entry), unused_by(entry))
+    needed = closure("tactile/stages/train.py", files_behind_doors(entry), unused_by(entry))
     code = {file for model in VALUES[experiment]["models"] for file in train.code(experiment, model)}
     assert code == {file for file in needed if room(file) not in NO_NUMBER}
     read = {f"{experiment}.{key}" for key in ["models", *train.read_settings(VALUES, experiment)]}
     assert set(entry.params) == {"device", *read}
-    assert "pipeline/learning/lomp_network.py" in train.code("touch", "lomp")
+    assert "tactile/learning/lomp_network.py" in train.code("touch", "lomp")
 
 
 OF_MODELS = "claim_inputs|kept|latency|models|predictions|scores|speed|stress"
@@ -324,9 +346,9 @@ def test_dvc_lock_has_no_stage_that_dvc_yaml_has_not(entries):
 
 
 def test_every_model_block_fits_its_build():
-    from pipeline import models
-    from pipeline.learning.spec import Spec
-    from pipeline.tasks import windows
+    from tactile import models
+    from tactile.learning.spec import Spec
+    from tactile.tasks import windows
 
     blocks = [(experiment, VALUES[experiment]["models"]) for experiment in VALUES["experiments"]]
     blocks += [(experiment, block["models"]) for experiment, block in VALUES["physics"].items()]
@@ -356,7 +378,7 @@ def test_links_of_documents_lead_somewhere():
 
 def test_files_that_documents_name_are_there():
     texts = [(ROOT / "README.md").read_text(), *(path.read_text() for path in (ROOT / "docs").glob("*.md"))]
-    places = re.findall(r"`(pipeline/[^`\s]+)`", "\n".join(texts))
+    places = re.findall(r"`((?:pipeline|tactile)/[^`\s]+)`", "\n".join(texts))
     assert len(places) > 20
     for place in places:
         before, names, after = re.fullmatch(r"([^{]*)(?:\{(.*)\}(.*))?", place).groups("")
@@ -375,7 +397,7 @@ def test_an_import_by_name_is_not_a_constant_in_disguise():
 def test_functions_that_get_faults_and_their_tests_are_there():
     found = list(mutation.chosen())
     for file, names, tests in found:
-        tree = ast.parse((ROOT / "pipeline" / file).read_text(encoding="utf-8"))
+        tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
         assert all(mutation.places(tree, file, name) for name in names)  # else it says which
         assert all((ROOT / "tests" / test).exists() for test in tests.split()), tests
     for pattern, (names, tests) in mutation.CHOSEN.items():
@@ -413,5 +435,5 @@ def test_a_room_that_mypy_lets_through_has_faults(tmp_path):
     unlisted.write_text(written.replace("ignore_errors = true\n", ""), encoding="utf-8")
     command = [sys.executable, "-m", "mypy", "--config-file", unlisted, "--cache-dir", os.devnull]
     said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stdout
-    faulty = {PurePath(line.partition(":")[0]).parts[1] for line in said.splitlines() if ": error: " in line}
-    assert {f"pipeline.{room}.*" for room in faulty} == set(let_through["module"]), said[-3000:]
+    faulty = {".".join(PurePath(line.partition(":")[0]).parts[:2]) for line in said.splitlines() if ": error: " in line}
+    assert {f"{room}.*" for room in faulty} == set(let_through["module"]), said[-3000:]

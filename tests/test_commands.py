@@ -20,10 +20,10 @@ import pytest
 from builders.project import ROOT
 from dvc.repo import Repo
 
-from pipeline.base import arguments, params
-from pipeline.base.paths import Workspace
-from pipeline.commands import command_line
-from pipeline.commands.command_line import COMMANDS
+from tactile.base import arguments, params
+from tactile.base.paths import Workspace
+from tactile.commands import command_line
+from tactile.commands.command_line import COMMANDS
 
 VALUES = params.load(ROOT / "params.yaml")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -40,7 +40,7 @@ TACTILE_LINE = re.compile(r"^ *tactile(?P<arguments> .*?)" + END, re.MULTILINE)
 REPRO = re.compile(r"dvc repro(?P<arguments>.*?)" + END)
 OPEN = re.compile(r"[{<].*|[A-Z_]+")  # a word that stands for others: {experiment}, <name>, MODEL
 RUN = 'if __name__ == "__main__":'
-PEOPLE = "pipeline.commands.command_line"  # what `tactile` starts
+PEOPLE = "tactile.commands.command_line"  # what `tactile` starts
 STAGES = sorted(
     f"pipeline.{room}.{path.stem}"
     for room in ("stages", "studies")
@@ -232,7 +232,7 @@ def test_the_installed_command_is_that_of_the_room():
 def test_help_shows_groups_and_imports_no_heavy_library(words):
     code = (
         "import atexit, sys\n"
-        "from pipeline.commands.command_line import main\n"
+        "from tactile.commands.command_line import main\n"
         "atexit.register(lambda: print(sorted({name.partition('.')[0] for name in sys.modules})))\n"
         "main()"
     )
@@ -321,10 +321,10 @@ def test_bars_are_for_a_terminal(monkeypatch, capfd, terminal, disabled):
     "text",
     [
         "x; run `python -m pipeline.pretrain` first",
-        "`python -m pipeline.stages.ingest tuch`",
-        "`python -m pipeline.stages.train tuch`",
-        "`python -m pipeline.stages.train touch esn`",
-        "`python -m pipeline.commands.fetch velostat_recorded`",
+        "`python -m tactile.stages.ingest tuch`",
+        "`python -m tactile.stages.train tuch`",
+        "`python -m tactile.stages.train touch esn`",
+        "`python -m tactile.commands.fetch velostat_recorded`",
         "python -m tools.calibrate tuch && dvc repro",
         "run `dvc repro train@touch@lomp` again",
         "dvc repro render@touch && dvc repro rendr",
@@ -341,8 +341,8 @@ def test_a_wrong_command_is_seen(text):
 @pytest.mark.parametrize(
     "text",
     [
-        "run `python -m pipeline.stages.ingest {}` again",
-        "python -m pipeline.stages.train EXPERIMENT",
+        "run `python -m tactile.stages.ingest {}` again",
+        "python -m tactile.stages.train EXPERIMENT",
         "run `tactile fetch {}`, which",
         "the tactile images of `glove`",
         "tactile record /dev/ttyUSB0 array.log --baud 115200",

@@ -30,19 +30,19 @@ from hypothesis import HealthCheck, example, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from pipeline import models
-from pipeline.base import availability, params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.datasets import fits, schemas, series
-from pipeline.datasets.windows import read_dataset
-from pipeline.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
-from pipeline.learning.spec import Spec
-from pipeline.logs import parse
 from pipeline.scenes import strain as strain_scene
-from pipeline.scoring import estimates
-from pipeline.settings.shared import Block
-from pipeline.settings.touch import Touch
+from tactile import models
+from tactile.base import availability, params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.datasets import fits, schemas, series
+from tactile.datasets.windows import read_dataset
+from tactile.experiments import glove, glove_recorded, strain, strain_recorded, touch, velostat_recorded
+from tactile.learning.spec import Spec
+from tactile.logs import parse
+from tactile.scoring import estimates
+from tactile.settings.shared import Block
+from tactile.settings.touch import Touch
 
 pytestmark = pytest.mark.slow
 
@@ -652,7 +652,7 @@ def test_a_damaged_table_is_one_sentence_or_has_its_columns(damages, changes, tm
     path = tmp_path / "scores.csv"
     path.write_bytes(overwritten(damaged(SCORES, damages, b",", 3), changes, 1000))
     try:
-        table = estimates.read_csv(path, columns, "python -m pipeline.stages.evaluate touch")
+        table = estimates.read_csv(path, columns, "python -m tactile.stages.evaluate touch")
     except InputError as error:
         assert one_sentence(error).startswith(str(path))
     else:

@@ -1,4 +1,4 @@
-"""Bytes of other programs come in by one door, pipeline/base/foreign.py: a rule about the code, found by parsing it."""
+"""Bytes of other programs come in by one door, tactile/base/foreign.py: a rule about the code, found by parsing it."""
 
 import ast
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ import pytest
 from builders.project import ROOT
 
 CODE = sorted((ROOT / "pipeline").rglob("*.py"))
-DOOR = "pipeline.base.foreign"
+DOOR = "tactile.base.foreign"
 READERS = set(
     "json.load json.loads yaml.safe_load yaml.safe_load_all ruamel.yaml.YAML tomllib.load tomllib.loads".split()
 )
@@ -41,22 +41,22 @@ OUTSIDE = {
     ("pipeline/commands/evidence.py", "json.loads"): "what DVC prints, which this program called",
     ("pipeline/stability/series.py", "json.loads"): "text that the same process made",
     ("pipeline/stability/images.py", "json.loads"): "text that the same process made",
-    ("pipeline/inference/recordings.py", "numpy.memmap"): "a file without a name, which this process fills itself",
-    ("pipeline/learning/estimators.py", "json.loads"): "bytes that skops has just made",
-    ("pipeline/learning/estimators.py", "zipfile.ZipFile"): "bytes that skops has just made",
-    ("pipeline/stages/ingest.py", "pyarrow.ipc.open_stream"): OURS,
-    ("pipeline/own/logs.py", "ruamel.yaml.YAML"): "writes",
-    ("pipeline/base/params_file.py", "ruamel.yaml.YAML"): "its `load` stands in a block; it writes, too",
-    ("pipeline/logs/layout.py", "gzip.open"): "`opened` has the sentence for the three errors of gzip; the lines of a "
+    ("tactile/inference/recordings.py", "numpy.memmap"): "a file without a name, which this process fills itself",
+    ("tactile/learning/estimators.py", "json.loads"): "bytes that skops has just made",
+    ("tactile/learning/estimators.py", "zipfile.ZipFile"): "bytes that skops has just made",
+    ("tactile/stages/ingest.py", "pyarrow.ipc.open_stream"): OURS,
+    ("tactile/own/logs.py", "ruamel.yaml.YAML"): "writes",
+    ("tactile/base/params_file.py", "ruamel.yaml.YAML"): "its `load` stands in a block; it writes, too",
+    ("tactile/logs/layout.py", "gzip.open"): "`opened` has the sentence for the three errors of gzip; the lines of a "
     "log are judged in its block, and a fault of that code must not pass for one of the file",
-    ("pipeline/logs/parse.py", "pyarrow.csv.read_csv"): "an error of it means that lines are judged one by one",
+    ("tactile/logs/parse.py", "pyarrow.csv.read_csv"): "an error of it means that lines are judged one by one",
 }
 BLOCK = "called in a block of `foreign.reading` alone, of another file"
 OUTSIDE |= {
-    ("pipeline/inference/onnx_network.py", "onnxruntime.InferenceSession"): BLOCK,
-    ("pipeline/learning/structure.py", "zipfile.ZipFile"): BLOCK,
-    ("pipeline/learning/structure.py", "json.loads"): BLOCK,
-    ("pipeline/live/server.py", "json.loads"): "of a browser's body of 1 kB, whose fault is an answer, not a sentence",
+    ("tactile/inference/onnx_network.py", "onnxruntime.InferenceSession"): BLOCK,
+    ("tactile/learning/structure.py", "zipfile.ZipFile"): BLOCK,
+    ("tactile/learning/structure.py", "json.loads"): BLOCK,
+    ("tactile/live/server.py", "json.loads"): "of a browser's body of 1 kB, whose fault is an answer, not a sentence",
 }
 
 
@@ -146,7 +146,7 @@ def found() -> dict[tuple[str, str], list[int]]:
     """Return (file, reader) -> lines of the readers outside the door."""
     lines: dict[tuple[str, str], list[int]] = {}
     for path in CODE:
-        if path != ROOT / "pipeline" / "base" / "foreign.py":
+        if path != ROOT / "tactile" / "base" / "foreign.py":
             for line, name in outside(path.read_text(encoding="utf-8")):
                 lines.setdefault((path.relative_to(ROOT).as_posix(), name), []).append(line)
     return lines
@@ -161,7 +161,7 @@ def test_what_may_stand_outside_does(found):
     assert not set(OUTSIDE) - set(found), "take these out of OUTSIDE"
 
 
-IMPORTS = "import gzip, json, zipfile\nimport numpy as np\nimport pandas as pd\nfrom pipeline.base import foreign\n"
+IMPORTS = "import gzip, json, zipfile\nimport numpy as np\nimport pandas as pd\nfrom tactile.base import foreign\n"
 
 
 @pytest.mark.parametrize(

@@ -12,15 +12,15 @@ import pytest
 import yaml
 from builders.project import ROOT, copy_project
 
-from pipeline.base import errors
-from pipeline.base.errors import InputError
-from pipeline.commands import fetch
-from pipeline.logs import sources
+from tactile.base import errors
+from tactile.base.errors import InputError
+from tactile.commands import fetch
+from tactile.logs import sources
 
 # Runs stages one after the other, each in a fork in which no file can grow beyond its limit, as on a full disk.
 LIMITED = """
 import importlib, json, os, resource, sys
-from pipeline.base import arguments
+from tactile.base import arguments
 import torch, pyarrow.csv, pyarrow.parquet, scipy.stats, sklearn.tree, tqdm
 jobs = json.loads(sys.argv[1])
 modules = {stage: importlib.import_module(f"pipeline.{stage}") for _, stage, *_ in jobs}
@@ -111,7 +111,7 @@ import os, subprocess, sys, time
 stage = """
 import time
 from pathlib import Path
-from pipeline.base.errors import run_stage
+from tactile.base.errors import run_stage
 run_stage(lambda: print(1, flush=True) or time.sleep(60), Path("params.yaml"))
 """
 child = subprocess.Popen([sys.executable, "-c", stage])

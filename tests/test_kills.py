@@ -13,18 +13,18 @@ import pytest
 from builders import free_targets, kills, live_models, own_logs
 from builders.project import ROOT
 
-from pipeline.base import files, params, processes
-from pipeline.base.params_file import copied
-from pipeline.base.paths import Workspace
-from pipeline.commands import command_line, export, import_logs, own, predict, sheet  # noqa: F401 - else each fork would import them
-from pipeline.drawing import style
-from pipeline.inference import packages, predictions, predictor, recordings  # noqa: F401
-from pipeline.logs import parse, sources
 from pipeline.results import shards
 from pipeline.results.shards import Shard
-from pipeline.settings.shards import ShardSet
-from pipeline.sheet import quantities
 from pipeline.stages import shard
+from tactile.base import files, params, processes
+from tactile.base.params_file import copied
+from tactile.base.paths import Workspace
+from tactile.commands import command_line, export, import_logs, own, predict, sheet  # noqa: F401 - else each fork would import them
+from tactile.drawing import style
+from tactile.inference import packages, predictions, predictor, recordings  # noqa: F401
+from tactile.logs import parse, sources
+from tactile.settings.shards import ShardSet
+from tactile.sheet import quantities
 
 FEW = 4  # kills of a command that takes half a second, else all
 SLOW = functools.partial(pytest.param, marks=pytest.mark.slow)

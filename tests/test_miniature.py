@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from builders.project import leaves, run_miniature
 
-from pipeline.base import params
+from tactile.base import params
 
 PINNED = Path(__file__).with_name("miniature.csv")
 KEY = ["table", "experiment", "protocol", "condition", "model", "seed", "metric"]

@@ -21,7 +21,7 @@ EVIDENCE = re.compile(r"evidence/(curves|kept|results|stress|studies)(/.*)?")  #
 # which stages it runs: those that make the last of what it reads.
 ALWAYS = {
     "this_machine": re.compile(
-        r"dvc\.lock|mlruns(/.*)?|mlflow\.db.*|data/\w+(/.*)?|pipeline/scoring/published\.csv|evidence(/.*)?"
+        r"dvc\.lock|mlruns(/.*)?|mlflow\.db.*|data/\w+(/.*)?|tactile/scoring/published\.csv|evidence(/.*)?"
         r"|reports(/look(/agreement\.md(\..*)?)?)?"
     ),
 }

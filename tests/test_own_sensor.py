@@ -15,18 +15,18 @@ from builders import own_logs
 from builders.packets import arrived, stamps_us
 from builders.project import ROOT, Project, in_this_process
 
-from pipeline import experiments
-from pipeline.base import modules, params
-from pipeline.base.errors import InputError
-from pipeline.base.params_file import set_values
-from pipeline.commands import check, command_line
-from pipeline.datasets import schemas
-from pipeline.datasets.windowing import windows_of
-from pipeline.drawing import check as check_figures
-from pipeline.own import report as own_sensor
-from pipeline.own import settings as own_settings
 from pipeline.reporting.page.hypertext import markdown
-from pipeline.stages import ingest
+from tactile import experiments
+from tactile.base import modules, params
+from tactile.base.errors import InputError
+from tactile.base.params_file import set_values
+from tactile.commands import check, command_line
+from tactile.datasets import schemas
+from tactile.datasets.windowing import windows_of
+from tactile.drawing import check as check_figures
+from tactile.own import report as own_sensor
+from tactile.own import settings as own_settings
+from tactile.stages import ingest
 
 pytestmark = pytest.mark.slow
 

@@ -18,7 +18,7 @@ import pytest
 import yaml
 from builders.project import copy_project, lock, mlflow_runs
 
-from pipeline.base import params
+from tactile.base import params
 
 MODELS = ["constant", "linear", "tree", "cnn", "rnn", "lomp", "lomp_stream"]
 
@@ -190,10 +190,10 @@ def test_models_come_and_go_with_params_yaml_alone(miniature, tmp_path):
     """A model is a file and a block: no other edit. In a copy, so that the other tests keep theirs."""
     project = copy_project(miniature, tmp_path)
     copy = project.folder
-    (copy / "pipeline" / "models" / "nearest.py").write_text(
+    (copy / "tactile" / "models" / "nearest.py").write_text(
         "from pydantic import Field\nfrom sklearn.neighbors import KNeighborsRegressor\n\n"
-        "from pipeline.learning.estimators import SklearnRegressor\n"
-        "from pipeline.settings.shared import Block, Count\n\n\n"
+        "from tactile.learning.estimators import SklearnRegressor\n"
+        "from tactile.settings.shared import Block, Count\n\n\n"
         "class Settings(Block):\n"
         "    k: Count = Field(description='Number of neighbours')\n\n\n"
         "def build(spec, *, k: int):\n"
@@ -221,7 +221,7 @@ from pathlib import Path
 import mlflow
 import numpy as np
 
-from pipeline.inference import predictor
+from tactile.inference import predictor
 
 mlflow.set_tracking_uri("sqlite:///mlflow.db")
 opened = []
@@ -251,7 +251,7 @@ def test_every_kind_of_model_opens_in_mlflow_and_by_its_run(miniature, tmp_path)
         assert same_shape and all(unit in description for unit in units[experiment]), description
     logs = next((miniature.folder / "data" / "touch" / "logs").rglob("array.log")).parent
     said = miniature.run(
-        "-m", "pipeline.commands.command_line", "predict", opened[0][-1], str(logs),
+        "-m", "tactile.commands.command_line", "predict", opened[0][-1], str(logs),
         *("--out", str(tmp_path / "predicted"), "--no-pictures"),
     )  # fmt: skip
     assert said.stdout.startswith("touch/linear: from MLflow")

@@ -27,13 +27,13 @@ from builders.made_results import EPOCHS, fit_linear, write_results
 from builders.project import ROOT
 from scipy.stats import gmean
 
-from pipeline.base import params, provenance
-from pipeline.base.errors import InputError, run_stage
-from pipeline.base.paths import Workspace
-from pipeline.inference import card as cards
-from pipeline.inference import mlflow_store, packages, predictor, training_logs
 from pipeline.results import shards
 from pipeline.tracking import mlflow_runs
+from tactile.base import params, provenance
+from tactile.base.errors import InputError, run_stage
+from tactile.base.paths import Workspace
+from tactile.inference import card as cards
+from tactile.inference import mlflow_store, packages, predictor, training_logs
 
 pytestmark = pytest.mark.slow
 

@@ -153,7 +153,7 @@ def test_commands_of_a_bench_are_quick_and_load_no_torch(tactile, empty):
     of_check = environment() | {"PYTHONPROFILEIMPORTTIME": "1"}
     done = subprocess.run([tactile, "check", "bench/pad"], cwd=empty, env=of_check, capture_output=True, text=True)
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    assert done.returncode == 0 and "pipeline.drawing.check" in loaded and "torch" not in loaded
+    assert done.returncode == 0 and "tactile.drawing.check" in loaded and "torch" not in loaded
 
 
 def test_models_of_ones_own_are_trained_with_the_extra(tactile, empty):

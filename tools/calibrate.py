@@ -14,13 +14,13 @@ from operator import getitem
 
 from tqdm import tqdm
 
-from pipeline import experiments
-from pipeline.base import arguments, params, workers
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.results import shards
-from pipeline.scoring import classification
 from pipeline.stability import changed_scene
+from tactile import experiments
+from tactile.base import arguments, params, workers
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.scoring import classification
 
 YARDSTICK = "yardstick"  # the setting that every simulated experiment has
 FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # times the present value, where no values are given

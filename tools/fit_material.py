@@ -32,14 +32,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from pipeline.base import arguments, params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.drawing import templates
-from pipeline.experiments import velostat_recorded
-from pipeline.experiments.velostat_recorded import RASTER, STEP_MM
-from pipeline.logs import layout, parse, sources
 from pipeline.scenes.material import FITTED, Material, log_resistance
+from tactile.base import arguments, params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.drawing import templates
+from tactile.experiments import velostat_recorded
+from tactile.experiments.velostat_recorded import RASTER, STEP_MM
+from tactile.logs import layout, parse, sources
 from tools import material_figures as figures
 
 SOURCE = "velostat_recorded"

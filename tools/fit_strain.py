@@ -18,13 +18,13 @@ from typing import NamedTuple
 import pandas as pd
 from tqdm import tqdm
 
-from pipeline.base import arguments, params
-from pipeline.base.availability import why_not_run
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.drawing import markdown
 from pipeline.stability import changed_scene
 from pipeline.twins import strain as twins
+from tactile.base import arguments, params
+from tactile.base.availability import why_not_run
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.drawing import markdown
 from tools.calibrate import changes_of
 
 FACTORS = (0.7, 1.4)  # times the present value, which is tried, too

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pipeline.drawing.style import BLUE, GREY, VERMILION, save
+from tactile.drawing.style import BLUE, GREY, VERMILION, save
 
 
 class Course(NamedTuple):

@@ -15,17 +15,19 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from pipeline import experiments, scenes
-from pipeline.base import arguments, files, params, paths, provenance
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
+from pipeline import scenes
 from pipeline.commands import evidence
 from pipeline.results import shards
 from pipeline.results.shards import Shard
-from pipeline.settings.shards import ShardSet
+from tactile import experiments
+from tactile.base import arguments, files, params, paths, provenance
+from tactile.base.errors import InputError
+from tactile.base.imports import HOUSES
+from tactile.base.paths import Workspace
+from tactile.settings.shards import ShardSet
 
 SETTINGS = ("params.yaml", "params", "evidence/shards.yaml")  # of the workspace
-CODE = ("pipeline", "constraints.txt")  # beside which run.py goes, at the top of the archive
+CODE = (*HOUSES, "constraints.txt")  # beside which run.py goes, at the top of the archive
 RUN = "evidence/run.py"
 # What a shard imports and a machine for machine learning may lack; it takes those that it has not in this version.
 PACKAGES = ("annotated-types", "google-re2", "pydantic", "pydantic-core", "typing-extensions", "typing-inspection")

@@ -17,7 +17,7 @@ from pathlib import Path
 from tests.builders.browser import Browser
 
 ROOT = Path(__file__).parents[1]
-TACTILE = [sys.executable, "-m", "pipeline.commands.command_line"]
+TACTILE = [sys.executable, "-m", "tactile.commands.command_line"]
 MOST_BYTES = 300_000
 # Two touches where two tips press hard, 5 s after the page was opened, so that there is a course of the force.
 PRESSED = """new Promise((end) => {

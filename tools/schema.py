@@ -2,9 +2,9 @@
 
 import argparse
 
-from pipeline.base import arguments, files
-from pipeline.base.paths import Workspace
-from pipeline.settings import schema
+from tactile.base import arguments, files
+from tactile.base.paths import Workspace
+from tactile.settings import schema
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:

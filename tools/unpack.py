@@ -24,15 +24,17 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.base import arguments, files, foreign, params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.commands import evidence
-from pipeline.datasets import schemas
-from pipeline.results import kept, shards, units
+from pipeline.results import kept, shards
 from pipeline.results.claim_inputs import COLUMNS, DATA
 from pipeline.results.shards import Shard
-from pipeline.settings.shards import ShardSet
+from tactile.base import arguments, files, foreign, params
+from tactile.base.errors import InputError
+from tactile.base.imports import HOUSES
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
+from tactile.scoring import units
+from tactile.settings.shards import ShardSet
 from tools import pack
 
 CURVES = ["model", "protocol", "seed", "epoch", "train_loss", "validation_loss"]
@@ -66,7 +68,7 @@ def check_commit(workspace: Workspace, commit: str) -> None:
         print(f"git does not know {commit}, the commit of these shards: whether it is of this code is not checked")
     elif git("merge-base", "--is-ancestor", commit, "HEAD").returncode:
         raise InputError(f"these shards are of commit {commit}, from which this checkout does not come; check it out")
-    elif changed := git("diff", "--name-only", commit, "--", *pack.SETTINGS, "pipeline").stdout.split():
+    elif changed := git("diff", "--name-only", commit, "--", *pack.SETTINGS, *HOUSES).stdout.split():
         print(f"{len(changed)} files, as {changed[0]}, changed since {commit}: see that they move no number of it")
 
 

@@ -45,11 +45,11 @@ from typing import TypeAlias
 import numpy as np
 import yaml
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.claims.expressions import Result, evaluate
 from pipeline.claims.rules import RULES
 from pipeline.results import published
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 FOLDER = Path(__file__).parent
 SENTENCE, NUMBER, COUNT = "sentence", "number", "count"  # kinds of claims; the first two are counted

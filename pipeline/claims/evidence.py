@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline import experiments
 from pipeline.claims.entries import Claim
 from pipeline.claims.expressions import Result
 from pipeline.claims.rules import Open
 from pipeline.results.one_table import Results
+from tactile import experiments
 
 MANY = 20  # test items of a run: of fewer, a claim says how many
 

@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
-from pipeline.base.errors import InputError
+from tactile.base.errors import InputError
 
 Value: TypeAlias = pd.Series | float
 

@@ -17,8 +17,8 @@ from pipeline.claims.entries import RECORDED, UNTESTABLE, Claim, Control
 from pipeline.claims.evidence import Evidence
 from pipeline.claims.expressions import evaluate
 from pipeline.claims.rules import BAD, GOOD, OUTSIDE, RULES, UNDECIDED, Judgement, Open
-from pipeline.experiments import facts
 from pipeline.results.one_table import FULL, HALF, Results
+from tactile.experiments import facts
 
 ANY = "any"  # budget of what no training changes
 HOLDS, FAILS, OPEN = "it holds", "it does not hold", "open"  # of what is beyond the paper

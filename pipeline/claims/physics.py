@@ -17,11 +17,11 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from pipeline.base.paths import Workspace
 from pipeline.claims.equivalence import lies_within
-from pipeline.experiments import facts
 from pipeline.results import studies
 from pipeline.results.studies import NONE, PHYSICS
+from tactile.base.paths import Workspace
+from tactile.experiments import facts
 
 MARGIN = 0.05  # share of a model's error
 SIDE = 0.95  # confidence of each of the two one-sided tests

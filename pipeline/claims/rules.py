@@ -22,8 +22,8 @@ import pandas as pd
 from scipy import stats
 
 from pipeline.claims.equivalence import inside, lies_within
-from pipeline.results.units import DRAW, WHOLE
-from pipeline.scoring import estimates
+from tactile.scoring import estimates
+from tactile.scoring.units import DRAW, WHOLE
 
 REPRODUCED, CONTRADICTED, UNDECIDED = "reproduced", "contradicted", "undecided"
 MATCHES, NEAR, OFF = "matches", "near", "off"

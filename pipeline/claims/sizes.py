@@ -11,11 +11,11 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import pandas as pd
 
-from pipeline.base.paths import Workspace
 from pipeline.claims.equivalence import lies_within
 from pipeline.results import shards, studies
 from pipeline.results.one_table import Results
-from pipeline.scoring.estimates import Estimate, estimate, scale_of
+from tactile.base.paths import Workspace
+from tactile.scoring.estimates import Estimate, estimate, scale_of
 
 LADDER = ["experiment", "condition", "family"]
 JUDGED = [*LADDER, "size", "params", "metric", "unit", "value", "low", "high", "chosen", "runs", "failed", "macs"]

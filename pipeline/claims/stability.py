@@ -31,12 +31,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.base.errors import InputError
-from pipeline.experiments import facts, module
-from pipeline.results import units
 from pipeline.results.claim_inputs import FULL
-from pipeline.scoring.estimates import CONFIDENCE, FEWEST, estimate
-from pipeline.settings.stress import TESTS
+from tactile.base.errors import InputError
+from tactile.experiments import facts, module
+from tactile.scoring import units
+from tactile.scoring.estimates import CONFIDENCE, FEWEST, estimate
+from tactile.settings.stress import TESTS
 
 FLOOR = "constant"
 SPAN = 10.0

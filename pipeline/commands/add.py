@@ -1,7 +1,7 @@
 """Write the skeleton of a model, a claim or a stress test into a checkout: it runs as it is, to be changed from there.
 
 KIND is one of model, claim and stress; NAME is what code and settings call it. A model of windows is ridge regression
-in pipeline/models/NAME.py and its line in params/EXPERIMENT.yaml. A claim is an entry in claims/NAME.yaml, which the
+in tactile/models/NAME.py and its line in params/EXPERIMENT.yaml. A claim is an entry in claims/NAME.yaml, which the
 stage `judge` reads. A stress test is a function in pipeline/stability/perturbations.py and its severities in
 params.yaml. docs/design.md says what else a model or an experiment may have.
 
@@ -16,10 +16,10 @@ import argparse
 import keyword
 from pathlib import Path
 
-from pipeline import experiments
-from pipeline.base import files, paths
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
+from tactile import experiments
+from tactile.base import files, paths
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 MODEL = '''\
 """Build {name}: ridge regression from the whole window to the whole map."""
@@ -27,9 +27,9 @@ MODEL = '''\
 from pydantic import Field
 from sklearn.linear_model import Ridge
 
-from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.spec import Spec
-from pipeline.settings.shared import Block, NotNegative
+from tactile.learning.estimators import SklearnRegressor
+from tactile.learning.spec import Spec
+from tactile.settings.shared import Block, NotNegative
 
 
 class Settings(Block):
@@ -95,7 +95,7 @@ def _claim(root: Path, name: str, experiment: str) -> tuple[list[Path], list[str
 def _model(root: Path, name: str, experiment: str) -> tuple[list[Path], list[str]]:
     if experiments.module(experiment).KIND != "windows":
         raise InputError(f"{experiment}: the skeleton is of a model of windows, and these see none; copy one of theirs")
-    code, settings = _free(root / "pipeline" / "models" / f"{name}.py"), root / "params" / f"{experiment}.yaml"
+    code, settings = _free(root / "tactile" / "models" / f"{name}.py"), root / "params" / f"{experiment}.yaml"
     changed = _after(settings, ["  models:"], MODEL_SETTINGS.format(name=name))
     files.write_text(code, MODEL.format(name=name))
     files.write_text(settings, changed)

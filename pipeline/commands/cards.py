@@ -13,16 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.base import files, paths, ranges
-from pipeline.base.paths import Workspace
-from pipeline.drawing import labels
-from pipeline.experiments import facts
-from pipeline.inference import card as cards
-from pipeline.inference import intervals
 from pipeline.reporting.texts import render
 from pipeline.results import shards, shown
 from pipeline.results.claim_inputs import FULL
-from pipeline.scoring import conformal, estimates
+from tactile.base import files, paths, ranges
+from tactile.base.paths import Workspace
+from tactile.drawing import labels
+from tactile.experiments import facts
+from tactile.inference import card as cards
+from tactile.inference import intervals
+from tactile.scoring import conformal, estimates
 
 TOGETHER = "all objects"
 FLOOR = "constant"  # the model that a useful one must beat

@@ -18,13 +18,13 @@ import sys
 import time
 from collections.abc import Mapping
 
-from pipeline.base import params, provenance
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.results import shards
 from pipeline.results.claim_inputs import HALF
 from pipeline.results.shards import Shard
-from pipeline.settings.shards import ShardSet
+from tactile.base import params, provenance
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.settings.shards import ShardSet
 
 FILE = "evidence/dvc.yaml"
 LONGEST_MINUTES = 30  # of a shard: what runs longer is ended

@@ -12,11 +12,11 @@ import argparse
 from pathlib import Path
 
 from pipeline import scenes
-from pipeline.base import params, paths
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.commands import own
 from pipeline.scenes import touch
+from tactile.base import params, paths
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.commands import own
 
 # Enough presses for a model to learn from, few enough for the whole way in two minutes.
 SINGLE = {"points_per_side": 8, "depths": 3, "repetitions": 1, "presses_per_recording": 48}

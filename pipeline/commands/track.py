@@ -22,9 +22,9 @@ import time
 import webbrowser
 from urllib.parse import urlsplit
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 LONGEST_START_S = 120.0  # of MLflow's server; 5 to 20 s on an idle core
 STOP_S = 10.0  # until a server that was asked to end is killed
@@ -37,8 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Track every experiment of the settings."""
-    from pipeline.inference import mlflow_store
     from pipeline.tracking import mlflow_runs
+    from tactile.inference import mlflow_store
 
     host, port = urlsplit(mlflow_store.UI).hostname, urlsplit(mlflow_store.UI).port
     if given.serve and mlflow_store.server():

@@ -11,20 +11,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import experiments
-from pipeline.base import files
-from pipeline.base.paths import Workspace
 from pipeline.claims import rules
-from pipeline.drawing import common
-from pipeline.drawing.labels import FOLDS, capitalised, model_name, plain
-from pipeline.drawing.markdown import interval, table
 from pipeline.reporting import experiment as common_parts
 from pipeline.reporting.experiment import Parts
 from pipeline.reporting.figures import curves
 from pipeline.reporting.report import Report
-from pipeline.results import kept, units
-from pipeline.scoring import estimates
-from pipeline.scoring.estimates import Estimate, scale_of
+from pipeline.results import kept
+from tactile import experiments
+from tactile.base import files
+from tactile.base.paths import Workspace
+from tactile.drawing import common
+from tactile.drawing.labels import FOLDS, capitalised, model_name, plain
+from tactile.drawing.markdown import interval, table
+from tactile.scoring import estimates, units
+from tactile.scoring.estimates import Estimate, scale_of
 
 MAIN = "rmse"
 UNITS = {MAIN: "% contact", "r2": "1", "touches_found": "1", "sum_ratio": "1", "away_rmse": "% contact"}

@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping, Sequence
 
 import pandas as pd
 
-from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.entries import NUMBER, RECORDED, SENTENCE
 from pipeline.claims.rules import BAD, BAND, BEYOND, RANKS, UNDECIDED, VERDICTS
-from pipeline.drawing.markdown import number, size, table
 from pipeline.reporting.texts import render
 from pipeline.results.one_table import Results
+from tactile.base.paths import Workspace
+from tactile.drawing.markdown import number, size, table
 
 RULES = (
     ("direction", "the difference, paired by seed, is on the claimed side of 0, or of the limit that is named"),

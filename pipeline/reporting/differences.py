@@ -4,8 +4,8 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from pipeline import experiments
-from pipeline.base import paths
+from tactile import experiments
+from tactile.base import paths
 
 MARK = re.compile(r"Differs from paper:\s*(.*)")
 FITTING = {
@@ -18,19 +18,23 @@ FITTING = {
 def of_experiment(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
     """Read the differences of one experiment from its paper: (file, text)."""
     names = [
-        *(f"learning/{name}" for name in FITTING[experiments.module(experiment).KIND]),
-        f"experiments/{experiment}",
+        *(f"tactile/learning/{name}" for name in FITTING[experiments.module(experiment).KIND]),
+        f"tactile/experiments/{experiment}",
         *written_for(experiment),
-        *(f"models/{model}" for model in settings["models"]),
+        *(f"tactile/models/{model}" for model in settings["models"]),
     ]
-    return read(paths.CODE, (f"{name}.py" for name in names))
+    return read(paths.CODE.parent, (f"{name}.py" for name in names))
 
 
 def written_for(experiment: str) -> list[str]:
     """Return the files that write an experiment's simulated logs, draw its laws, or say what the paper leaves open."""
-    found = [path for name in (f"{experiment}.py", f"{experiment}_*.py") for path in (paths.CODE / "scenes").glob(name)]
-    found += (paths.CODE / "reporting").glob(f"{experiment}.py")
-    return [path.relative_to(paths.CODE).with_suffix("").as_posix() for path in found]
+    names = [
+        f"pipeline/scenes/{experiment}.py",
+        f"pipeline/scenes/{experiment}_*.py",
+        f"pipeline/reporting/{experiment}.py",
+    ]
+    found = [path for name in names for path in paths.CODE.parent.glob(name)]
+    return [path.relative_to(paths.CODE.parent).with_suffix("").as_posix() for path in found]
 
 
 def read(folder: Path, names: Iterable[str]) -> list[tuple[str, str]]:

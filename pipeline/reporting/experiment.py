@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.base import files
-from pipeline.drawing.labels import experiment_name
-from pipeline.experiments import facts
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import curves
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.report import BUDGETS, Report
 from pipeline.results.published import PRINTED
+from tactile.base import files
+from tactile.drawing.labels import experiment_name
+from tactile.experiments import facts
 
 
 class Parts(NamedTuple):

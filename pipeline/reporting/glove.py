@@ -7,14 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files
-from pipeline.base.paths import Workspace
-from pipeline.datasets import images
-from pipeline.datasets.images import MODALITIES, modality
-from pipeline.datasets.seeding import generator
-from pipeline.drawing import common, style
-from pipeline.drawing.labels import capitalised, form_name, model_name, plain, task_name
-from pipeline.experiments import glove as glove_experiment
 from pipeline.reporting import experiment
 from pipeline.reporting.figures import answers, curves
 from pipeline.reporting.figures import glove as figures
@@ -23,7 +15,15 @@ from pipeline.results import glove_results, kept
 from pipeline.results.glove_results import COMPARED, MOST_CONFUSED
 from pipeline.results.published import METHODS, precision, precision_gain
 from pipeline.scenes import glove as glove_scene
-from pipeline.scoring.estimates import PLAIN, SHARE, estimate
+from tactile.base import files
+from tactile.base.paths import Workspace
+from tactile.datasets import images
+from tactile.datasets.images import MODALITIES, modality
+from tactile.datasets.seeding import generator
+from tactile.drawing import common, style
+from tactile.drawing.labels import capitalised, form_name, model_name, plain, task_name
+from tactile.experiments import glove as glove_experiment
+from tactile.scoring.estimates import PLAIN, SHARE, estimate
 
 METRICS = ("macro_precision", "accuracy")
 FRAMES_OF = ("combined", "pressure")  # datasets of figure 15

@@ -7,11 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline import experiments
-from pipeline.base import files
-from pipeline.base.paths import Workspace
-from pipeline.drawing import common
-from pipeline.drawing.labels import plain, split_name, task_name
 from pipeline.reporting import array, glove, strain
 from pipeline.reporting import experiment as common_parts
 from pipeline.reporting.experiment import Parts
@@ -19,7 +14,12 @@ from pipeline.reporting.glove import draw_confusions
 from pipeline.reporting.report import Report
 from pipeline.results import kept, studies
 from pipeline.results.glove_results import NETWORKS, main_protocols, splits
-from pipeline.scoring.estimates import estimate
+from tactile import experiments
+from tactile.base import files
+from tactile.base.paths import Workspace
+from tactile.drawing import common
+from tactile.drawing.labels import plain, split_name, task_name
+from tactile.scoring.estimates import estimate
 
 POOLED = "repetition"  # the protocol that fits all recordings together; the others are named like one recording
 UNITS = {"rmse": "N", "r2": "1"}

@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files, paths
-from pipeline.base.facts import FOLDS
-from pipeline.base.paths import Workspace
-from pipeline.drawing import markdown
-from pipeline.drawing.labels import model_name, split_name
-from pipeline.drawing.markdown import COUNTS, number, size, table
-from pipeline.experiments import facts
 from pipeline.reporting import differences, texts
 from pipeline.reporting.claims import tables_of
 from pipeline.results import kept, one_table, published, shards, shown
 from pipeline.results.claim_inputs import FULL, HALF, LOOK
 from pipeline.results.published import ANY
-from pipeline.scoring import estimates
-from pipeline.scoring.estimates import LOG, SHARE, Estimate, estimate, scale_of
+from tactile.base import files, paths
+from tactile.base.facts import FOLDS
+from tactile.base.paths import Workspace
+from tactile.drawing import markdown
+from tactile.drawing.labels import model_name, split_name
+from tactile.drawing.markdown import COUNTS, number, size, table
+from tactile.experiments import facts
+from tactile.scoring import estimates
+from tactile.scoring.estimates import LOG, SHARE, Estimate, estimate, scale_of
 
 BUDGETS = {LOOK: "the look of this machine", HALF: "half of the budget", FULL: "the full budget"}
 CURVE = ["model", "protocol", "seed", "epoch", "train_loss", "validation_loss"]
@@ -42,7 +42,7 @@ class Report:
         self.of_look = look
         self.protocols, self.settings = list(settings["protocols"]), settings
         if self.of_look:
-            paths.require(workspace.scores(experiment), f"python -m pipeline.stages.evaluate {experiment}")
+            paths.require(workspace.scores(experiment), f"python -m tactile.stages.evaluate {experiment}")
             self.results = one_table.of_look(workspace, experiment)
         else:
             self.results = one_table.results(workspace, [], experiment)

@@ -5,16 +5,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from pipeline.base.errors import InputError
-from pipeline.base.processes import processor
-from pipeline.drawing.labels import FRONTS, MACHINES, SPREAD, TIMES, model_name, split_name
-from pipeline.drawing.markdown import interval, size
 from pipeline.reporting.report import Report
 from pipeline.reporting.texts import render
 from pipeline.results import times
 from pipeline.results.claim_inputs import FULL, HALF, LOOK
-from pipeline.scoring import estimates
-from pipeline.scoring.estimates import Estimate
+from tactile.base.errors import InputError
+from tactile.base.processes import processor
+from tactile.drawing.labels import FRONTS, MACHINES, SPREAD, TIMES, model_name, split_name
+from tactile.drawing.markdown import interval, size
+from tactile.scoring import estimates
+from tactile.scoring.estimates import Estimate
 
 ESTIMATE = ["error", "low", "high", "runs", "failed"]  # columns of one Estimate
 MEASURED = ("p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms")

@@ -10,11 +10,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files
-from pipeline.base.paths import Workspace
 from pipeline.claims import stability as verdicts
 from pipeline.claims.stability import DOWN, FAILURES, FLOOR, LINEAR, LOG, NO_CLEAN, NO_ORDER, STARTS, UNUSABLE, UP
-from pipeline.drawing.labels import (
+from pipeline.reporting.figures import stability as figures
+from pipeline.reporting.tables import Table
+from pipeline.reporting.texts import render
+from pipeline.results import one_table, shards
+from pipeline.results.claim_inputs import FULL
+from tactile.base import files
+from tactile.base.paths import Workspace
+from tactile.drawing.labels import (
     MEASURES,
     capitalised,
     condition_name,
@@ -23,15 +28,10 @@ from pipeline.drawing.labels import (
     perturbation,
     split_name,
 )
-from pipeline.drawing.markdown import number
-from pipeline.experiments import facts
-from pipeline.reporting.figures import stability as figures
-from pipeline.reporting.tables import Table
-from pipeline.reporting.texts import render
-from pipeline.results import one_table, shards
-from pipeline.results.claim_inputs import FULL
-from pipeline.scoring import estimates
-from pipeline.scoring.estimates import Estimate
+from tactile.drawing.markdown import number
+from tactile.experiments import facts
+from tactile.scoring import estimates
+from tactile.scoring.estimates import Estimate
 
 COLUMNS = [
     "experiment",

@@ -6,19 +6,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files
-from pipeline.base.paths import Workspace
-from pipeline.base.processes import processor
-from pipeline.drawing import common
-from pipeline.drawing.labels import plain
-from pipeline.experiments import strain as strain_experiment
 from pipeline.reporting import experiment
 from pipeline.reporting.figures import answers, curves
 from pipeline.reporting.figures import strain as figures
 from pipeline.reporting.report import Report
 from pipeline.results import kept, shards
 from pipeline.results.strain_results import STUDIES, read_latents, read_study
-from pipeline.scoring.estimates import LOG
+from tactile.base import files
+from tactile.base.paths import Workspace
+from tactile.base.processes import processor
+from tactile.drawing import common
+from tactile.drawing.labels import plain
+from tactile.experiments import strain as strain_experiment
+from tactile.scoring.estimates import LOG
 
 FIGURES = {"task_1": "figure5", "task_2": "figure6"}  # of direct training
 AXES = "xyz"

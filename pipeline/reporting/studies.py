@@ -12,14 +12,8 @@ from string import Formatter
 import numpy as np
 import pandas as pd
 
-from pipeline import experiments
-from pipeline.base import files
-from pipeline.base.paths import Workspace
 from pipeline.claims import physics as physics_verdicts
 from pipeline.claims import sizes as sizes_verdicts
-from pipeline.drawing.labels import experiment_name, model_name, task_name
-from pipeline.drawing.markdown import number
-from pipeline.experiments import facts
 from pipeline.reporting import tables
 from pipeline.reporting.figures import physics as physics_figures
 from pipeline.reporting.figures import sizes as sizes_figures
@@ -27,8 +21,14 @@ from pipeline.reporting.figures import twins as twins_figures
 from pipeline.reporting.texts import render
 from pipeline.results import one_table, shards
 from pipeline.results.studies import FAMILIES, effects
-from pipeline.scoring import estimates
-from pipeline.scoring.estimates import kept_rows
+from tactile import experiments
+from tactile.base import files
+from tactile.base.paths import Workspace
+from tactile.drawing.labels import experiment_name, model_name, task_name
+from tactile.drawing.markdown import number
+from tactile.experiments import facts
+from tactile.scoring import estimates
+from tactile.scoring.estimates import kept_rows
 
 TWINS = ["statistic", "unit", "source", "recording", "value", "meaning", "note"]  # of data/<experiment>/twins.csv
 SIDES = ("recorded", "simulated")

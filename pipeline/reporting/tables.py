@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 
 from pipeline.claims.sizes import NAMES, SCALES, error_of, unit_of
-from pipeline.drawing.labels import capitalised, effect_name, model_name, statistic_name, task_name
-from pipeline.drawing.markdown import interval, number, size
-from pipeline.experiments import facts
-from pipeline.scoring.estimates import Estimate
+from tactile.drawing.labels import capitalised, effect_name, model_name, statistic_name, task_name
+from tactile.drawing.markdown import interval, number, size
+from tactile.experiments import facts
+from tactile.scoring.estimates import Estimate
 
 PHYSICS = {"rmse": "RMSE", "error": "distance", "accuracy": "images classified incorrectly"}  # metric -> the error
 TWIN_UNITS = {"1": "-", "log": "log of the reading", "deg": "degrees"}

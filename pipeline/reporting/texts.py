@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from pipeline.drawing import templates
+from tactile.drawing import templates
 
 FOLDER = Path(__file__).with_name("templates")
 

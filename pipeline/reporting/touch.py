@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.base import files
-from pipeline.base.paths import Workspace
-from pipeline.drawing import common
-from pipeline.drawing.labels import TIMES, model_name, plain, task_name
 from pipeline.reporting import experiment, texts
 from pipeline.reporting.figures import answers
 from pipeline.reporting.figures import touch as figures
 from pipeline.reporting.report import Report
 from pipeline.reporting.speed import timed
 from pipeline.results import kept, studies, times
-from pipeline.scoring import metrics
+from tactile.base import files
+from tactile.base.paths import Workspace
+from tactile.drawing import common
+from tactile.drawing.labels import TIMES, model_name, plain, task_name
+from tactile.scoring import metrics
 
 UNITS = {  # of table1.csv
     "rmse": "kPa",

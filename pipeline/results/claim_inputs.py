@@ -12,14 +12,14 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline import experiments
-from pipeline.base import params, paths
-from pipeline.base.paths import Workspace
-from pipeline.datasets import fits, labels, schemas
-from pipeline.datasets.images import classes
 from pipeline.results import glove_results
-from pipeline.scoring import metrics
-from pipeline.scoring.estimates import read_csv, read_predictions, read_windows
+from tactile import experiments
+from tactile.base import params, paths
+from tactile.base.paths import Workspace
+from tactile.datasets import fits, labels, schemas
+from tactile.datasets.images import classes
+from tactile.scoring import metrics
+from tactile.scoring.estimates import read_csv, read_predictions, read_windows
 
 KEY = ["experiment", "protocol", "condition", "model", "variant", "metric"]
 COLUMNS = [*KEY, "seed", "budget", "unit", "value", "n"]
@@ -105,7 +105,7 @@ def press_shift(workspace: Workspace, settings: Mapping) -> pd.Series:
     Single-touch frames under an element's area, in bins of 50 kPa: near the centre (within a quarter of the pitch in
     x and y) against the rest, mean over the bins that have both.
     """
-    path = paths.require(workspace.frames("touch"), "python -m pipeline.stages.ingest touch")
+    path = paths.require(workspace.frames("touch"), "python -m tactile.stages.ingest touch")
     frames = schemas.read(path, columns=["condition", "v", "force_n", "x_mm", "y_mm"])
     frames = frames.filter(schemas.names(frames["condition"]) == "single")
     sensor, pitch = settings["sensor"], settings["sensor"]["pitch_mm"]

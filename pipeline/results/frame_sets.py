@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pyarrow as pa
 
-from pipeline.datasets import schemas
-from pipeline.scoring.classification import MOST_FRAMES
+from tactile.datasets import schemas
+from tactile.scoring.classification import MOST_FRAMES
 
 
 def sessions(table: pa.Table) -> np.ndarray:

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.base.paths import Workspace
-from pipeline.datasets.images import classes, modality, split_name
 from pipeline.results import studies
-from pipeline.scoring import classification
-from pipeline.scoring.estimates import read_csv, read_predictions
+from tactile.base.paths import Workspace
+from tactile.datasets.images import classes, modality, split_name
+from tactile.scoring import classification
+from tactile.scoring.estimates import read_csv, read_predictions
 
 NETWORKS = ("resnet18", "mobilenet", "resnet3x3", "sp_resnet")  # of Table 1, without the ablation
 COMPARED = ("sp_resnet", "resnet3x3")  # by number of input frames, figure 15

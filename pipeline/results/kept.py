@@ -1,4 +1,4 @@
-"""Keep what figures draw of one call of the stage evaluate: a small table, which shards have, and the look in data/.
+"""Keep what figures draw of what the stage evaluate predicted: a small table, which shards have, and the look in data/.
 
 Figures show the first specimen alone (seed FIRST) and the protocols `drawn` of the experiment's facts; the counts of
 confusions are of every seed and protocol. A row is of a protocol, a seed and a model; of the model LABEL it is the
@@ -25,14 +25,14 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline import experiments
-from pipeline.base import paths
-from pipeline.base.paths import Workspace
-from pipeline.datasets import images, labels, schemas, series, specimens
-from pipeline.experiments import glove
 from pipeline.results import shards
-from pipeline.scoring import classification
-from pipeline.scoring.estimates import read_tested, read_windows
+from tactile import experiments
+from tactile.base import paths
+from tactile.base.paths import Workspace
+from tactile.datasets import images, labels, schemas, series, specimens
+from tactile.experiments import glove
+from tactile.scoring import classification
+from tactile.scoring.estimates import read_tested, read_windows
 
 FIRST = 0  # the seed that is drawn
 LABEL, READING = "label", "reading"  # models of rows that are no model's
@@ -93,8 +93,8 @@ def read(path: Path, experiment: str) -> pa.Table:
 
 
 def of_look(workspace: Workspace, experiment: str) -> pd.DataFrame:
-    """Return what the stage evaluate kept here."""
-    path = paths.require(workspace.kept(experiment), f"python -m pipeline.stages.evaluate {experiment}")
+    """Return what the stage `keep` kept here."""
+    path = paths.require(workspace.kept(experiment), f"python -m pipeline.stages.keep {experiment}")
     return read(path, experiment).to_pandas()
 
 
@@ -312,7 +312,7 @@ def middle_elements(sensor: Mapping) -> list[int]:
 
 def _frames(workspace: Workspace, experiment: str, settings: Mapping, protocol: str) -> pa.Table:
     """Return POINTS frames of single touches within the middle elements, in the row of places next to their centre."""
-    path = paths.require(workspace.frames(experiment), f"python -m pipeline.stages.ingest {experiment}")
+    path = paths.require(workspace.frames(experiment), f"python -m tactile.stages.ingest {experiment}")
     names = ["condition", "recording", "v", "force_n", "x_mm", "y_mm"]
     frames = schemas.read(path, names, pc.field("condition").cast(pa.string()) == SOME)
     frames = frames.filter(pa.array(specimens.of_seed(schemas.names(frames["recording"]), FIRST)))
@@ -425,7 +425,7 @@ def _grasp(
     pictures = [schemas.matrix(whole[each])[row] for each in images.MODALITIES]
     yield _rows("images", len(pictures), **place, object=str(grasped), named=images.MODALITIES,
                 recording=str(sessions[row]), values=pictures)  # fmt: skip
-    path = paths.require(workspace.frames(experiment), f"python -m pipeline.stages.ingest {experiment}")
+    path = paths.require(workspace.frames(experiment), f"python -m tactile.stages.ingest {experiment}")
     frames = schemas.read(path, ["condition", "recording"])
     name, sessions = schemas.names(frames["condition"]), schemas.names(frames["recording"])
     of_first = specimens.of_seed(sessions, FIRST)

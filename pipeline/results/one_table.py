@@ -13,14 +13,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import experiments
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.results import shards, times, units
+from pipeline.results import shards, times
 from pipeline.results.claim_inputs import COLUMNS, DERIVED_METRICS, FULL, HALF, KEY, LOOK
 from pipeline.results.published import ANY
 from pipeline.results.strain_results import LATENT
-from pipeline.scoring.estimates import Estimate, estimate, read_csv, read_scores, scale_of
+from tactile import experiments
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.scoring import units
+from tactile.scoring.estimates import Estimate, estimate, read_csv, read_scores, scale_of
 
 PRINTED_SHAPE = "printed_shape"  # variant: a count at the input that the paper's is of
 MADE_BY = "dvc repro"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import experiments
+from tactile import experiments
 
 PUBLISHED = Path(__file__).with_name("published.csv")
 PRINTED = {  # paper -> models as it prints them; a model that is not listed has no published number

@@ -20,13 +20,13 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.base import files, foreign, params, paths, processes
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.results import units
 from pipeline.results.claim_inputs import COLUMNS, DATA, FULL, HALF, KEY
-from pipeline.scoring.estimates import read_csv
-from pipeline.settings.shards import ShardSet
+from tactile.base import files, foreign, params, paths, processes
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.scoring import units
+from tactile.scoring.estimates import read_csv
+from tactile.settings.shards import ShardSet
 
 BUDGETS = (HALF, FULL)
 STRESS = [*COLUMNS, "perturbation", "severity", "blocks"]  # older files have no blocks

@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.base.facts import Paper
-from pipeline.base.paths import Workspace
-from pipeline.experiments import facts
 from pipeline.results import published, shards
 from pipeline.results.claim_inputs import LOOK
 from pipeline.results.one_table import WHOLE, Results
-from pipeline.scoring.estimates import read_csv
+from tactile.base.facts import Paper
+from tactile.base.paths import Workspace
+from tactile.experiments import facts
+from tactile.scoring.estimates import read_csv
 
 OF = ["experiment", "protocol", "model", "variant", "budget"]  # of a training; models without epochs have no budget
 COMPARED = ("rmse", "error", "macro_precision", "accuracy")  # metrics of models; of others a variant may be two objects

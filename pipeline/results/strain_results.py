@@ -5,9 +5,9 @@ Those of the number of samples, of strands, of units and of the task that transf
 
 import pandas as pd
 
-from pipeline.base.paths import Workspace
 from pipeline.results import studies
-from pipeline.scoring.estimates import read_csv
+from tactile.base.paths import Workspace
+from tactile.scoring.estimates import read_csv
 
 LATENT = "latent of model-0"  # an input of the decoders, in drift.csv
 STUDIES = {  # table -> the columns that say what differs between its rows, beside the seed

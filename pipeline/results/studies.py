@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.experiments import facts
-from pipeline.scoring.estimates import read_csv
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.experiments import facts
+from tactile.scoring.estimates import read_csv
 
 MADE_BY = "tactile evidence"
 NONE = "none"  # no effect of a scene is left out

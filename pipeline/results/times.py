@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.base import files
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.results import shards
-from pipeline.scoring.estimates import read_csv
+from tactile.base import files
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.scoring.estimates import read_csv
 
 LATENCY = "latency"  # the study, and its table
 COLUMNS: tuple[str, ...] = ("experiment", "model", "batch", "threads", "p50_ms", "p50_low_ms", "p50_high_ms", "p95_ms")

@@ -81,11 +81,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from pipeline.base.errors import InputError
-from pipeline.datasets import specimens
-from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout
 from pipeline.scenes.faults import Fault, inject
+from tactile.base.errors import InputError
+from tactile.datasets import specimens
+from tactile.datasets.seeding import generator
 
 # Arrays over fingers are in the order thumb, index, middle, ring, little.
 ACROSS_MM = np.array([12.0, 30.0, 10.0, -10.0, -30.0])  # y of each finger

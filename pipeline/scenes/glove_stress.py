@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.base.stress_tests import of_scene, stress_test
-from pipeline.datasets import specimens
-from pipeline.datasets.seeding import generator
 from pipeline.scenes import glove
+from tactile.base.stress_tests import of_scene, stress_test
+from tactile.datasets import specimens
+from tactile.datasets.seeding import generator
 
 
 class Held(NamedTuple):

@@ -72,8 +72,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from pipeline.datasets.seeding import generator
 from pipeline.scenes.faults import Fault, inject
+from tactile.datasets.seeding import generator
 
 STEP_S = 0.05  # the arm moves up to 0.6 mm in it, the finger slips by 5 mm at a time
 TASKS = ("task_0", "task_1", "task_2")

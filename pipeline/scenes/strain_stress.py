@@ -7,9 +7,9 @@ DAQ and robot agree.
 
 from collections.abc import Mapping
 
-from pipeline.base.stress_tests import of_scene, stress_test
 from pipeline.scenes import strain
 from pipeline.scenes.faults import Fault
+from tactile.base.stress_tests import of_scene, stress_test
 
 SPEEDS = ("slide_slowest_mm_s", "slide_fastest_mm_s", "press_slowest_mm_s", "press_fastest_mm_s")
 

@@ -22,8 +22,6 @@ from collections.abc import Callable, Mapping, Set
 
 import numpy as np
 
-from pipeline.datasets import specimens
-from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout
 from pipeline.scenes.faults import Fault, inject
 from pipeline.scenes.touch_contact import Loads, element_loads, tip_area_m2
@@ -35,6 +33,8 @@ from pipeline.scenes.touch_motion import (
     double_recordings,
     single_recordings,
 )
+from tactile.datasets import specimens
+from tactile.datasets.seeding import generator
 
 BOOT_S = 1.2  # silence of the array's microcontroller after a reset
 MILLIMETRE_PER_PRESSURE_ROOT = 0.03  # 400 kPa at 1.6 mm depth: scales z in the CNC's log, nothing else

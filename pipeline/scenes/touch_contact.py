@@ -30,8 +30,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.special import ndtr
 
-from pipeline.datasets.seeding import generator
 from pipeline.scenes import material
+from tactile.datasets.seeding import generator
 
 GRID_MM = 0.5  # of the fields of places
 EDGE_MM = 10.0  # that the fields reach beyond the array

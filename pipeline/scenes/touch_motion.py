@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.datasets.seeding import generator
 from pipeline.scenes.touch_contact import Touch, steady, tip_area_m2
+from tactile.datasets.seeding import generator
 
 STEP_S = 0.01  # the material is integrated at 100 Hz; presses rise in 0.5 s
 START_S = 1.0  # rest before the first press, so that alignment sees the first rise

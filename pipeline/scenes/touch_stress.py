@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.base.errors import InputError
-from pipeline.base.stress_tests import of_scene, stress_test
-from pipeline.datasets import specimens
-from pipeline.datasets.seeding import generator
 from pipeline.scenes import touch, touch_motion
 from pipeline.scenes.touch_contact import steady, tip_area_m2
 from pipeline.scenes.touch_motion import Recording
+from tactile.base.errors import InputError
+from tactile.base.stress_tests import of_scene, stress_test
+from tactile.datasets import specimens
+from tactile.datasets.seeding import generator
 
 UNCHANGED = "unchanged"
 PRESSES = 160  # of a condition whose presses are drawn anew

@@ -11,17 +11,18 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import experiments, models, scenes, tasks
-from pipeline.base import params, paths
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.datasets import images, schemas, series, specimens
-from pipeline.learning.trained import Trained
-from pipeline.scoring import classification, metrics
-from pipeline.settings import Params
-from pipeline.tasks import images as tasks_images
-from pipeline.tasks import series as tasks_series
-from pipeline.tasks import windows as tasks_windows
+from pipeline import scenes
+from tactile import experiments, models, tasks
+from tactile.base import params, paths
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.datasets import images, schemas, series, specimens
+from tactile.learning.trained import Trained
+from tactile.scoring import classification, metrics
+from tactile.settings import Params
+from tactile.tasks import images as tasks_images
+from tactile.tasks import series as tasks_series
+from tactile.tasks import windows as tasks_windows
 
 CONDITIONS = {"touch": ("single", "double")}  # no number of the paper is about the others, demonstrations
 
@@ -40,7 +41,7 @@ def settings_of(values: Mapping, experiment: str, changes: Mapping, where: str) 
     """Return the experiment's block of settings with the values of `changes`, block by block.
 
     where: the place in params.yaml that a sentence about a wrong value names. Raises InputError where the result is
-    not what pipeline/settings allows.
+    not what tactile/settings allows.
     """
     settings = _merged(values[experiment], changes)
     params.check_block(settings, Params.model_fields[experiment].annotation, f"{experiment} with {where}")

@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.scoring.estimates import read_csv
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.scoring.estimates import read_csv
 
 KEY = ["protocol", "condition", "model", "seed", "metric"]
 
@@ -17,7 +17,7 @@ def checker(workspace: Workspace, experiment: str, tolerance: float) -> Callable
     run: (protocol, condition, model, seed); tolerance: relative where a metric is above 1. Raises InputError where
     scores.csv has two rows for one metric.
     """
-    path, made_by = workspace.scores(experiment), f"python -m pipeline.stages.evaluate {experiment}"
+    path, made_by = workspace.scores(experiment), f"python -m tactile.stages.evaluate {experiment}"
     table = read_csv(path, [*KEY, "value"], made_by)
     for row in table.loc[table.duplicated(KEY), KEY].itertuples(index=False):
         raise InputError(f"{path}: two rows for {', '.join(map(str, row))}; run `{made_by}` again")

@@ -27,16 +27,16 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import experiments
-from pipeline.base import paths
-from pipeline.base.paths import Workspace
-from pipeline.base.stress_tests import FRAMES, SCENE, StressTest
-from pipeline.datasets import images, levels, schemas
-from pipeline.datasets.seeding import generator
 from pipeline.scenes import glove_stress
-from pipeline.scoring import classification
 from pipeline.stability import run
-from pipeline.tasks import images as tasks_images
+from tactile import experiments
+from tactile.base import paths
+from tactile.base.paths import Workspace
+from tactile.base.stress_tests import FRAMES, SCENE, StressTest
+from tactile.datasets import images, levels, schemas
+from tactile.datasets.seeding import generator
+from tactile.scoring import classification
+from tactile.tasks import images as tasks_images
 
 AREAS = ("pressure", "strain")
 
@@ -119,7 +119,7 @@ class Run(run.Run):
 def read(workspace: Workspace, experiment: str, settings: Mapping, part: np.ndarray) -> Frames:
     """Read the frames table, with its areas as they were in training; part: (images,) of one split."""
     module = experiments.module(experiment)
-    path = paths.require(workspace.frames(experiment), f"python -m pipeline.stages.ingest {experiment}")
+    path = paths.require(workspace.frames(experiment), f"python -m tactile.stages.ingest {experiment}")
     table = schemas.read(path)
     chosen = module.chosen(table, settings)
     train = chosen[part == "train"]

@@ -6,11 +6,11 @@ depends on the seed and the name of the test alone, so that all models see the s
 
 from collections.abc import Callable, Iterator, Mapping
 
-from pipeline import tasks
-from pipeline.base.paths import Workspace
-from pipeline.base.stress_tests import SCENE, planned
 from pipeline.stability import clean_scores, images, series, windows
 from pipeline.stability import perturbations as perturbations  # the tests of readings register themselves
+from tactile import tasks
+from tactile.base.paths import Workspace
+from tactile.base.stress_tests import SCENE, planned
 
 KINDS = {"windows": windows, "series": series, "images": images}
 

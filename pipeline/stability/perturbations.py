@@ -9,8 +9,8 @@ caller knows the range and clips. What a function needs to know of the training 
 
 import numpy as np
 
-from pipeline.base.errors import InputError
-from pipeline.base.stress_tests import stress_test
+from tactile.base.errors import InputError
+from tactile.base.stress_tests import stress_test
 
 
 @stress_test("windows", "series", "images", unit="share of the range")

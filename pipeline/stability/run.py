@@ -5,11 +5,11 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pyarrow as pa
 
-from pipeline import experiments, tasks
-from pipeline.base.paths import Workspace
-from pipeline.base.stress_tests import StressTest
-from pipeline.results.units import Units, losses
-from pipeline.scoring import metrics
+from tactile import experiments, tasks
+from tactile.base.paths import Workspace
+from tactile.base.stress_tests import StressTest
+from tactile.scoring import metrics
+from tactile.scoring.units import Units, losses
 
 Row = tuple[str, str, float, int, str]  # of metrics.Row, and the blocks of the main metric, see `Units`
 Scored = Iterable[tuple[str, list[Row]]]  # condition, rows of scores

@@ -24,16 +24,17 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from pipeline import experiments, scenes
-from pipeline.base.errors import InputError
-from pipeline.base.stress_tests import SAMPLES, SCENE, StressTest, stress_test
-from pipeline.datasets import levels, schemas, series
-from pipeline.datasets.seeding import generator
-from pipeline.logs import alignment, parse
+from pipeline import scenes
 from pipeline.scenes import strain_stress
-from pipeline.scoring import metrics
 from pipeline.stability import run
-from pipeline.tasks import series as tasks_series
+from tactile import experiments
+from tactile.base.errors import InputError
+from tactile.base.stress_tests import SAMPLES, SCENE, StressTest, stress_test
+from tactile.datasets import levels, schemas, series
+from tactile.datasets.seeding import generator
+from tactile.logs import alignment, parse
+from tactile.scoring import metrics
+from tactile.tasks import series as tasks_series
 
 METRICS = ("error", "r2", "press_error")
 WARM_UP = 3000  # samples before the test part from which a model starts if it then predicts the same, to SAME_MM

@@ -22,17 +22,18 @@ import numpy as np
 import pyarrow as pa
 from tqdm import tqdm
 
-from pipeline import experiments, scenes
-from pipeline.base import files, workers
-from pipeline.base.paths import Workspace
-from pipeline.base.stress_tests import SCENE, StressTest
-from pipeline.datasets import levels, schemas
-from pipeline.datasets.seeding import generator
-from pipeline.datasets.windowing import windows_of
-from pipeline.datasets.windows import Dataset, read_dataset
+from pipeline import scenes
 from pipeline.scenes import touch_stress
 from pipeline.stability import run
-from pipeline.tasks import windows as tasks_windows
+from tactile import experiments
+from tactile.base import files, workers
+from tactile.base.paths import Workspace
+from tactile.base.stress_tests import SCENE, StressTest
+from tactile.datasets import levels, schemas
+from tactile.datasets.seeding import generator
+from tactile.datasets.windowing import windows_of
+from tactile.datasets.windows import Dataset, read_dataset
+from tactile.tasks import windows as tasks_windows
 
 REPORTED = ("rmse", "location_error", "touches_found")  # as far as the experiment has them
 ANEW = "single_anew"  # the condition that has a scene of its own for severity 0

@@ -10,12 +10,12 @@ Usage: python -m pipeline.stages.agreement [accept]
 import numpy as np
 import pandas as pd
 
-from pipeline.base import arguments, files, params
-from pipeline.base.paths import Workspace
-from pipeline.drawing.markdown import table
 from pipeline.results import shards
 from pipeline.results.claim_inputs import FULL, HALF
-from pipeline.scoring import estimates
+from tactile.base import arguments, files, params
+from tactile.base.paths import Workspace
+from tactile.drawing.markdown import table
+from tactile.scoring import estimates
 
 GROUP = ["experiment", "protocol", "condition", "model", "metric"]
 KEY = [*GROUP, "seed"]

@@ -4,10 +4,10 @@ Writes data/<experiment>/claim_inputs.csv, rows of the one table of results.
 Usage: python -m pipeline.stages.claim_inputs EXPERIMENT
 """
 
-from pipeline import experiments
-from pipeline.base import arguments, files, params
-from pipeline.base.paths import Workspace
 from pipeline.results import claim_inputs
+from tactile import experiments
+from tactile.base import arguments, files, params
+from tactile.base.paths import Workspace
 
 
 def main(workspace: Workspace) -> None:

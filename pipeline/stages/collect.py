@@ -11,12 +11,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.base import arguments, files, foreign, params, paths
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.experiments import facts
-from pipeline.results import shards, times, units
+from pipeline.results import shards, times
 from pipeline.results.claim_inputs import LOOK
+from tactile.base import arguments, files, foreign, params, paths
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.experiments import facts
+from tactile.scoring import units
 
 # What others read first.
 SCORES = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n", "budget", "variant"]

@@ -5,12 +5,12 @@ for each claim that is not reproduced, what was tried to find the reason. What t
 Usage: python -m pipeline.stages.judge
 """
 
-from pipeline.base import arguments, files, params
-from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.rules import VERDICTS
 from pipeline.reporting.claims import text
 from pipeline.results import one_table
+from tactile.base import arguments, files, params
+from tactile.base.paths import Workspace
 
 
 def main(workspace: Workspace) -> None:

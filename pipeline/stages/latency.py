@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline import tasks
-from pipeline.base import arguments, files, params, paths
-from pipeline.base.availability import why_not_run
-from pipeline.base.paths import Workspace
 from pipeline.results.times import COLUMNS
+from tactile import tasks
+from tactile.base import arguments, files, params, paths
+from tactile.base.availability import why_not_run
+from tactile.base.paths import Workspace
 
 FEWER = 10  # batches of many windows are predicted this much less often: their times vary less, and they are long
 
@@ -57,9 +57,9 @@ def fastest(
     workspace: Workspace, values: dict, experiment: str, protocol: str, seed: int, models: dict, x: np.ndarray
 ) -> dict[str, tuple[Callable, np.ndarray]]:
     """Return, by model, what predicts the next rows of its inputs, and the inputs; models: trained, by their names."""
-    from pipeline.inference import onnx_export
-    from pipeline.inference.describer import Describer
-    from pipeline.inference.predictor import Predictor
+    from tactile.inference import onnx_export
+    from tactile.inference.describer import Describer
+    from tactile.inference.predictor import Predictor
 
     task, describer, timed = tasks.of(experiment), Describer(workspace, values, experiment), {}
     for model, regressor in models.items():

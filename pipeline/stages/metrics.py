@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.base import arguments, files, foreign, params
-from pipeline.base.paths import Workspace
+from tactile.base import arguments, files, foreign, params
+from tactile.base.paths import Workspace
 
 DIGITS = 4  # that `dvc metrics show` shows
 

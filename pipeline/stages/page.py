@@ -3,9 +3,9 @@
 Usage: python -m pipeline.stages.page
 """
 
-from pipeline.base import arguments, files, params
-from pipeline.base.paths import Workspace
 from pipeline.reporting.page import sections
+from tactile.base import arguments, files, params
+from tactile.base.paths import Workspace
 
 
 def main(workspace: Workspace) -> None:

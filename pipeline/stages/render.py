@@ -11,13 +11,13 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from pipeline.base import arguments, files, params, workers
-from pipeline.base.availability import why_not_run
-from pipeline.base.paths import Workspace
-from pipeline.own import report as own_sensor
 from pipeline.reporting import glove, recorded, strain, touch
 from pipeline.results.claim_inputs import LOOK
 from pipeline.results.one_table import of_own_logs
+from tactile.base import arguments, files, params, workers
+from tactile.base.availability import why_not_run
+from tactile.base.paths import Workspace
+from tactile.own import report as own_sensor
 
 ALL = "all"
 SIMULATED = {report.__name__.rpartition(".")[2]: report for report in (glove, strain, touch)}  # named as experiments

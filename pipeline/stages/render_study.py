@@ -4,9 +4,9 @@ Of stability it is reports/stress.csv, what the evidence scored. `computed`: phy
 Usage: python -m pipeline.stages.render_study computed|stability|twins
 """
 
-from pipeline.base import arguments, files, params
-from pipeline.base.paths import Workspace
 from pipeline.reporting import stability, studies
+from tactile.base import arguments, files, params
+from tactile.base.paths import Workspace
 
 STUDIES = {
     "computed": (studies.physics, studies.rightsize),

@@ -20,24 +20,27 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline import experiments, scenes
-from pipeline.base import arguments, files, modules, params, paths, processes, provenance, runs
-from pipeline.base.availability import why_not_run
-from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
-from pipeline.base.paths import Workspace
-from pipeline.datasets import fits
-from pipeline.results import claim_inputs, kept, shards, units
+from pipeline import scenes
+from pipeline.results import claim_inputs, kept, shards
 from pipeline.results.claim_inputs import FULL, HALF
 from pipeline.results.shards import Shard
-from pipeline.scoring.estimates import read_csv
-from pipeline.settings.shards import ShardSet
+from tactile import experiments
+from tactile.base import arguments, files, modules, params, paths, processes, provenance, runs
+from tactile.base.availability import why_not_run
+from tactile.base.errors import InputError
+from tactile.base.params_file import copied, set_values
+from tactile.base.paths import Workspace
+from tactile.datasets import fits
+from tactile.scoring import units
+from tactile.scoring.estimates import read_csv
+from tactile.settings.shards import ShardSet
 
 CURVE_POINTS = 20
 SHARES = {HALF: 0.5, FULL: 1.0}  # of the epochs of a recipe, by budget
 UNMADE = ("budget", "models", "input_frames", "latency", "yardstick", "yardstick_task_2")  # no data are made from these
 LINKED = ("dataset.parquet", "frames.parquet", "ingest.json", "logs")  # of a set's data, in the folder of a shard
-ROOMS = ("datasets", "experiments", "logs", "scenes", "tasks")  # code that makes data
+DATA = ("datasets", "experiments", "logs", "tasks")
+ROOMS = (*(f"tactile/{room}" for room in DATA), "pipeline/scenes")  # code that makes data
 MEASURED = "train_s"  # metric: goes to times.csv, for results are the same in every run
 
 
@@ -83,7 +86,7 @@ def make_data(workspace: Workspace, sets: Mapping[str, ShardSet], name: str) -> 
     with tempfile.TemporaryDirectory() as folder:  # another shard may be reading those of the data
         values = settings_of(workspace, each, Workspace(Path(folder)), every)
     block = {key: value for key, value in values[each.experiment].items() if key not in UNMADE}
-    code = sorted(path for room in ROOMS for path in (paths.CODE / room).rglob("*.py"))
+    code = sorted(path for room in ROOMS for path in (paths.CODE.parent / room).rglob("*.py"))
     made_from, mark = runs.origin(block, code), data.root / "made_from.txt"
     lock = data.root.with_name(f"{name}.lock")
     with processes.holding(lock, lambda: print(f"{name}: another process makes its data")):
@@ -101,12 +104,13 @@ def make(workspace: Workspace, data: Workspace, experiment: str, name: str) -> N
     if not link.is_symlink():  # it may lead to a folder that is not there
         link.symlink_to(workspace.sources.resolve())
     windows = experiments.module(experiment).KIND == "windows"
-    for stage in (*(["simulate"] if experiment in scenes.NAMES else []), "ingest"):
-        modules.run(data.root, f"pipeline.stages.{stage}", experiment)
+    if experiment in scenes.NAMES:
+        modules.run(data.root, "pipeline.stages.simulate", experiment)
+    modules.run(data.root, "tactile.stages.ingest", experiment)
     if reason := why_not_run(data, experiment):
         raise InputError(f"{name}: {reason}")
     for stage in (*(["window"] if windows else []), "dataset"):
-        modules.run(data.root, f"pipeline.stages.{stage}", experiment)
+        modules.run(data.root, f"tactile.stages.{stage}", experiment)
     for log in data.logs(experiment).rglob("*.log"):  # what is left is small: the true drift of strands
         log.unlink()
 
@@ -127,15 +131,17 @@ def compute(workspace: Workspace, shard: Shard, sets: Mapping[str, ShardSet]) ->
             link.symlink_to(made.resolve())
     if study := shards.study(each):
         if each.models:
-            modules.run(own.root, "pipeline.stages.train", each.experiment)
+            modules.run(own.root, "tactile.stages.train", each.experiment)
             settings_of(workspace, each.model_copy(update={"models": []}), own, further_of(shard, each))
         alone = {shard.set: each.model_dump(exclude={"like"}, exclude_defaults=True)}
         files.write_text(shards.folder(own) / "shards.yaml", json.dumps(alone))  # which the module variants reads
         modules.run(own.root, f"pipeline.studies.{study}", each.experiment, str(shard.seed))
         keep_study(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
     else:
-        for stage in ("train", "evaluate", *(["stress"] if stressed(shard, each) else [])):
-            modules.run(own.root, f"pipeline.stages.{stage}", each.experiment)
+        for stage in ("tactile.stages.train", "tactile.stages.evaluate", "pipeline.stages.keep"):
+            modules.run(own.root, stage, each.experiment)
+        if stressed(shard, each):
+            modules.run(own.root, "pipeline.stages.stress", each.experiment)
         write(workspace, own, shard, each, values, sum(os.times()[:4]) - started)
     files.remove_folder(own.root, inside=own.root.parent)
 
@@ -156,7 +162,7 @@ def keep_study(
 def write(workspace: Workspace, own: Workspace, shard: Shard, each: ShardSet, values: Mapping, core_s: float) -> None:
     """Write the files of a shard, and its line of the index last: what the index does not tell of is not there."""
     experiment, target, result = each.experiment, shards.folder(workspace), shards.result_file(workspace, shard.name)
-    scores = read_csv(own.scores(experiment), ["model", "value"], f"python -m pipeline.stages.evaluate {experiment}")
+    scores = read_csv(own.scores(experiment), ["model", "value"], f"python -m tactile.stages.evaluate {experiment}")
     tables = [scores]
     if experiments.facts(experiment).paper:
         tables.append(claim_inputs.rows(own, experiment, values[experiment]))

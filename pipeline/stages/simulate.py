@@ -7,8 +7,8 @@ Usage: python -m pipeline.stages.simulate touch|strain|glove
 from tqdm import tqdm
 
 from pipeline import scenes
-from pipeline.base import arguments, files, params, workers
-from pipeline.base.paths import Workspace
+from tactile.base import arguments, files, params, workers
+from tactile.base.paths import Workspace
 
 
 def simulate(workspace: Workspace, experiment: str, settings: dict) -> None:

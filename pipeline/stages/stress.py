@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 
 from tqdm import tqdm
 
-from pipeline.base import arguments, files, params, workers
-from pipeline.base.availability import why_not_run
-from pipeline.base.paths import Workspace
 from pipeline.stability import loop
+from tactile.base import arguments, files, params, workers
+from tactile.base.availability import why_not_run
+from tactile.base.paths import Workspace
 
 COLUMNS = (
     "experiment",

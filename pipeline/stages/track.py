@@ -11,9 +11,10 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from pipeline.base import arguments, files, paths
-from pipeline.base.params import load
-from pipeline.base.paths import Workspace
+from tactile.base import arguments, files, paths
+from tactile.base.imports import HOUSES
+from tactile.base.params import load
+from tactile.base.paths import Workspace
 
 READ = ("ingest.json", "latency", "models", "scores.csv", "speed")  # of an experiment's folder; others change later
 
@@ -24,7 +25,8 @@ def main(workspace: Workspace) -> None:
     mark, database = workspace.mlflow / "tracked.txt", workspace.mlflow_database
     own_store = not os.environ.get("MLFLOW_TRACKING_URI")  # of another one no file tells that it has changed
     values = load(workspace.params)
-    of_results = [workspace.params, workspace.root / "params", workspace.root / "evidence", paths.CODE]
+    of_results = [workspace.params, workspace.root / "params", workspace.root / "evidence"]
+    of_results += [paths.CODE.parent / house for house in HOUSES]
     of_results += [workspace.experiment_folder(name) / part for name in values["experiments"] for part in READ]
     results = state(of_results)
     if own_store and mark.is_file() and mark.read_text(encoding="utf-8") == results + state([database]):

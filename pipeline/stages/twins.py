@@ -5,11 +5,11 @@ Usage: python -m pipeline.stages.twins touch|array_recorded|strain|glove
 
 import pandas as pd
 
-from pipeline.base import arguments, files, params
-from pipeline.base.availability import why_not_run
-from pipeline.base.paths import Workspace
-from pipeline.experiments import facts
 from pipeline.twins import array_recorded, glove, strain, touch
+from tactile.base import arguments, files, params
+from tactile.base.availability import why_not_run
+from tactile.base.paths import Workspace
+from tactile.experiments import facts
 
 MODULES = {  # named as experiments that have the fact `twin`
     module.__name__.rpartition(".")[2]: module for module in (touch, array_recorded, strain, glove)

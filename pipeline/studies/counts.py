@@ -9,12 +9,12 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from pipeline.base import arguments, files, params
-from pipeline.base.paths import Workspace
-from pipeline.learning import cost
-from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 from pipeline.results import published
 from pipeline.studies.operations import operations
+from tactile.base import arguments, files, params
+from tactile.base.paths import Workspace
+from tactile.learning import cost
+from tactile.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
 
 COLUMNS = ("experiment", "model", "input_shape", "classes", "macs", "params")
 COLUMNS += ("published_macs", "published_params", "verdict", "note")

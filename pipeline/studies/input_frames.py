@@ -11,13 +11,13 @@ from collections.abc import Mapping
 
 from tqdm import tqdm
 
-from pipeline import models
-from pipeline.base import arguments, files, params, workers
-from pipeline.base.paths import Workspace
-from pipeline.datasets import images, schemas
 from pipeline.results import frame_sets
-from pipeline.scoring import classification, metrics
-from pipeline.tasks import images as tasks_images
+from tactile import models
+from tactile.base import arguments, files, params, workers
+from tactile.base.paths import Workspace
+from tactile.datasets import images, schemas
+from tactile.scoring import classification, metrics
+from tactile.tasks import images as tasks_images
 
 COLUMNS = ("condition", "form", "model", "seed", "frames", "metric", "unit", "value", "n")
 MODELS = ("sp_resnet", "resnet3x3")

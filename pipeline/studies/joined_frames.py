@@ -8,12 +8,12 @@ import numpy as np
 import torch
 from torch import nn
 
-from pipeline.datasets.seeding import generator
-from pipeline.learning.image_classifier import ImageClassifier
-from pipeline.learning.regressors import Windows
-from pipeline.learning.training import Progress
 from pipeline.results.frame_sets import drawn_sets, fixed_sets
-from pipeline.scoring import classification, metrics
+from tactile.datasets.seeding import generator
+from tactile.learning.image_classifier import ImageClassifier
+from tactile.learning.regressors import Windows
+from tactile.learning.training import Progress
+from tactile.scoring import classification, metrics
 
 
 class JoinedFrames(nn.Module):

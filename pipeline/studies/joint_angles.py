@@ -14,11 +14,11 @@ import pyarrow as pa
 from sklearn.ensemble import ExtraTreesClassifier
 from tqdm import tqdm
 
-from pipeline import experiments
-from pipeline.base import arguments, files, params, paths, workers
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
-from pipeline.experiments.glove_recorded import CELLS, JOINTS
+from tactile import experiments
+from tactile.base import arguments, files, params, paths, workers
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
+from tactile.experiments.glove_recorded import CELLS, JOINTS
 
 EXPERIMENT = "glove_recorded"
 SPLITS = ("grasp", "block")
@@ -44,7 +44,7 @@ def inputs(angles: np.ndarray, cells: np.ndarray) -> dict[str, np.ndarray]:
 
 def named(workspace: Workspace, settings: Mapping, seen: str, seed: int, _report: Callable) -> list[tuple]:
     """Return rows of COLUMNS, of the test grasps; settings: the experiment's block; seen: see `inputs`."""
-    path = paths.require(workspace.frames(EXPERIMENT), f"python -m pipeline.stages.ingest {EXPERIMENT}")
+    path = paths.require(workspace.frames(EXPERIMENT), f"python -m tactile.stages.ingest {EXPERIMENT}")
     frames, module = schemas.read(path), experiments.module(EXPERIMENT)
     frames = frames.take(pa.array(module.chosen(frames, settings)))
     x = inputs(schemas.matrix(frames["strain"]), schemas.matrix(frames["pressure"]))[seen]

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pipeline.base import arguments, files, foreign, params, paths, workers
-from pipeline.base.paths import Workspace
-from pipeline.datasets import series
-from pipeline.experiments import strain
 from pipeline.scenes import strain as scene
-from pipeline.tasks import series as tasks_series
+from tactile.base import arguments, files, foreign, params, paths, workers
+from tactile.base.paths import Workspace
+from tactile.datasets import series
+from tactile.experiments import strain
+from tactile.tasks import series as tasks_series
 
 BLOCK_S = 120.0  # decoding is tested on every fifth block of this length, trained on the others
 FOLDS = 5
@@ -31,7 +31,7 @@ def one_drift(workspace: Workspace, values: Mapping, protocol: str, seed: int, r
     """Return rows of drift.csv for one task: R2 of a ridge decoder, by input and by what is decoded."""
     import torch
 
-    from pipeline.learning import lstm
+    from tactile.learning import lstm
 
     torch.set_num_threads(1)
     settings = values["strain"]
@@ -88,7 +88,7 @@ def true_drift(
 
 def _rescale(network, piece: series.Piece) -> None:
     """Let model-0 (an LstmRegressor) see a task as transfer does: scaled by that task's training part."""
-    from pipeline.learning.series_regressors import Scaling
+    from tactile.learning.series_regressors import Scaling
 
     network.scaling = Scaling.of_training(series.seen_in_training([piece]))
 
@@ -129,7 +129,7 @@ def main(workspace: Workspace) -> None:
 
 def _write_latents(workspace: Workspace, values: Mapping, seed: int, path: Path) -> None:
     """Write t_s and states h0, h1, ... of model-0 on the first LATENT_SAMPLES test samples of task 2."""
-    from pipeline.learning import lstm
+    from tactile.learning import lstm
 
     settings = values["strain"]
     task = strain.task("task_2", settings)

@@ -8,7 +8,7 @@ average pool of fixed size 1 for each output; all else nothing. `counting` count
 import torch
 from torch import nn
 
-from pipeline.learning.residual_blocks import GlobalCoordinateAttention
+from tactile.learning.residual_blocks import GlobalCoordinateAttention
 
 
 def operations(network: nn.Module, shape: tuple[int, int, int]) -> int:

@@ -11,17 +11,17 @@ from collections.abc import Callable, Mapping
 
 from tqdm import tqdm
 
-from pipeline.base import arguments, files, params, workers
-from pipeline.base.paths import Workspace
-from pipeline.experiments import facts
 from pipeline.results.studies import PHYSICS, effects
 from pipeline.stability import changed_scene
+from tactile.base import arguments, files, params, workers
+from tactile.base.paths import Workspace
+from tactile.experiments import facts
 
 
 def settings_of(values: Mapping, experiment: str, effect: str, seed: int) -> dict:
     """Return the experiment's block of settings at the scale of physics.<experiment>.scene, without `effect`.
 
-    `none`: with all of them. Raises InputError where the result is not what pipeline/settings allows.
+    `none`: with all of them. Raises InputError where the result is not what tactile/settings allows.
     """
     changes = values["physics"][experiment]["scene"]
     settings = changed_scene.settings_of(values, experiment, changes, f"physics.{experiment}.scene")

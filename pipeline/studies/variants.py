@@ -13,16 +13,16 @@ from typing import NamedTuple
 
 from tqdm import tqdm
 
-from pipeline import models, tasks
-from pipeline.base import arguments, files, params, workers
-from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
-from pipeline.base.paths import Workspace
-from pipeline.learning.trained import Trained
 from pipeline.results import shards
 from pipeline.results.claim_inputs import COLUMNS
 from pipeline.results.published import ANY
-from pipeline.settings.shards import Variant
+from tactile import models, tasks
+from tactile.base import arguments, files, params, workers
+from tactile.base.errors import InputError
+from tactile.base.params_file import copied, set_values
+from tactile.base.paths import Workspace
+from tactile.learning.trained import Trained
+from tactile.settings.shards import Variant
 
 # What training reads and a dataset is not made of, or what it may see less of. Any other setting would change nothing.
 CHANGES = r"models\..+|window\.frames|sensor\.channels|protocols\.\w+\.(base|passes|samples)"

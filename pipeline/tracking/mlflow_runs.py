@@ -23,19 +23,19 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from pipeline.base import files, params, paths, provenance
-from pipeline.base.availability import why_not_run
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.datasets import fits
-from pipeline.drawing import labels
-from pipeline.experiments import facts
-from pipeline.inference import card as cards
-from pipeline.inference import mlflow_store
-from pipeline.results import one_table, published, shards, shown, units
+from pipeline.results import one_table, published, shards, shown
 from pipeline.results.claim_inputs import FULL, HALF, LOOK
 from pipeline.results.one_table import TRAIN_S, Results
-from pipeline.scoring import estimates
+from tactile.base import files, params, paths, provenance
+from tactile.base.availability import why_not_run
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.datasets import fits
+from tactile.drawing import labels
+from tactile.experiments import facts
+from tactile.inference import card as cards
+from tactile.inference import mlflow_store
+from tactile.scoring import estimates, units
 
 CODE = paths.CODE / "inference" / "mlflow_model.py"
 # What a loaded model imports, and pandas, which MLflow hands it tables with. MLflow finds this out in seconds a model.
@@ -330,8 +330,8 @@ class Models:
     """Makes the files of trainings: settings, curve, and a model that MLflow opens; nothing in it is pickled."""
 
     def __init__(self, workspace: Workspace, experiment: str, values: Mapping, commit: str, drafts: Path):
-        from pipeline.inference import training_logs  # here, because the import of torch takes 2 s
-        from pipeline.inference.describer import Describer
+        from tactile.inference import training_logs  # here, because the import of torch takes 2 s
+        from tactile.inference.describer import Describer
 
         self.describer, self.commit, self.drafts = Describer(workspace, values, experiment), commit, drafts
         digests = training_logs.digests(workspace, values[experiment], experiment)

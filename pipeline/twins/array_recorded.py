@@ -21,12 +21,12 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.base import paths
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas, specimens
-from pipeline.experiments import array_recorded
-from pipeline.logs import sources
-from pipeline.sheet import cycles
+from tactile.base import paths
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas, specimens
+from tactile.experiments import array_recorded
+from tactile.logs import sources
+from tactile.sheet import cycles
 
 EXPERIMENT = "array_recorded"
 SETS = 4  # of the scene's recordings, in their order
@@ -108,7 +108,7 @@ def simulated(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
 
     A recording is a quarter of those of the first array; of gain_spread, it is a place within all elements.
     """
-    path = paths.require(workspace.frames("touch"), "python -m pipeline.stages.ingest touch")
+    path = paths.require(workspace.frames("touch"), "python -m tactile.stages.ingest touch")
     return statistics(simulated_frames(path, settings["touch"]), by_place=True)
 
 

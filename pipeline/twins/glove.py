@@ -16,11 +16,11 @@ import pandas as pd
 import pyarrow as pa
 from sklearn.tree import DecisionTreeClassifier
 
-from pipeline.base import paths
-from pipeline.base.paths import Workspace
-from pipeline.datasets import images, schemas, specimens
-from pipeline.datasets.seeding import generator
-from pipeline.experiments import glove, glove_recorded
+from tactile.base import paths
+from tactile.base.paths import Workspace
+from tactile.datasets import images, schemas, specimens
+from tactile.datasets.seeding import generator
+from tactile.experiments import glove, glove_recorded
 
 OBJECTS_PER_SET = 12
 SETS = 20
@@ -103,7 +103,7 @@ def recorded(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
     InputError where the recordings have not been read.
     """
     table = schemas.read(
-        paths.require(workspace.frames("glove_recorded"), "python -m pipeline.stages.ingest glove_recorded")
+        paths.require(workspace.frames("glove_recorded"), "python -m tactile.stages.ingest glove_recorded")
     )
     cells, angles = schemas.matrix(table["pressure"]).astype(float), schemas.matrix(table["strain"]).astype(float)
     start = int(np.prod(glove_recorded.MATRICES[0]))
@@ -118,7 +118,7 @@ def simulated(workspace: Workspace, settings: Mapping) -> pd.DataFrame:
     Angles are what the mean of a joint's film shows by the scene's own law; the empty hand is no grasp, and the grasps
     are of one glove, as those of the recordings are of one hand.
     """
-    table = schemas.read(paths.require(workspace.frames("glove"), "python -m pipeline.stages.ingest glove"))
+    table = schemas.read(paths.require(workspace.frames("glove"), "python -m tactile.stages.ingest glove"))
     of_one = specimens.of_seed(schemas.names(table["recording"]), 0)
     table = table.filter(pa.array(of_one & (schemas.names(table["condition"]) != "empty_hand")))
     block = settings["glove"]

@@ -13,12 +13,12 @@ import numpy as np
 import pandas as pd
 from sklearn.ensemble import ExtraTreesRegressor
 
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
-from pipeline.datasets.seeding import generator
-from pipeline.experiments import strain_recorded
 from pipeline.scenes import strain
-from pipeline.sheet import cycles
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
+from tactile.datasets.seeding import generator
+from tactile.experiments import strain_recorded
+from tactile.sheet import cycles
 
 STATISTICS = {
     "response": ("mV", "Standard deviation of the voltage around its means over 150 s."),

@@ -20,12 +20,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
-from pipeline.datasets.seeding import generator
 from pipeline.scenes import material, readout, touch, touch_contact, touch_motion
-from pipeline.sheet import cycles
-from pipeline.sheet.cycles import Press
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
+from tactile.datasets.seeding import generator
+from tactile.sheet import cycles
+from tactile.sheet.cycles import Press
 
 EXPERIMENT = "velostat_recorded"
 LEFT_OUT = ("pike1_force_1", "pike5_force_20")

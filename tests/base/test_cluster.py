@@ -8,8 +8,8 @@ from builders import tasks
 from builders.project import ROOT
 from tqdm import tqdm
 
-from pipeline.base import cluster, workers
-from pipeline.base.errors import InputError
+from tactile.base import cluster, workers
+from tactile.base.errors import InputError
 
 
 def results(monkeypatch, where: str, function=tasks.trained, **more) -> dict:

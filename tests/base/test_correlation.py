@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from pipeline.base import correlation
-from pipeline.base.correlation import Correlation
+from tactile.base import correlation
+from tactile.base.correlation import Correlation
 
 NAMES = [f"u{k}" for k in range(8)]
 COLUMNS = [6, 0, 2, 3, 5, 7]  # of the readings, in the order in which a model sees them

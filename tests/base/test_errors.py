@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import errors
-from pipeline.base.errors import InputError
+from tactile.base import errors
+from tactile.base.errors import InputError
 
 RUN = """
 import sys
 from pathlib import Path
-from pipeline.base.errors import run_stage
+from tactile.base.errors import run_stage
 run_stage(lambda: [print("größe 双指", k) for k in range(int(sys.argv[1]))], Path("none"))
 """
 
@@ -84,13 +84,13 @@ SLOW = pytest.mark.slow  # -OO compiles torch and all else that `check` imports,
 )
 def test_help_stands_without_docstrings_and_in_a_notebook(arguments, words):
     backend = {"MPLBACKEND": "module://not_installed.backend"}
-    said, wrong = ran(["-OO", "-m", "pipeline.commands.command_line"], *arguments, **backend).communicate()
+    said, wrong = ran(["-OO", "-m", "tactile.commands.command_line"], *arguments, **backend).communicate()
     assert b"usage: tactile" in said and words in said and not wrong
 
 
 def test_a_matplotlibrc_changes_no_figure(tmp_path):
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfont.size: 30\n")
-    style = "from pipeline.drawing.style import plt"
+    style = "from tactile.drawing.style import plt"
     code = f"{style}; print(plt.rcParams['text.usetex'], plt.rcParams['font.size'])"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.base import files
-from pipeline.base.errors import InputError, storage_error
-from pipeline.base.paths import CODE
+from tactile.base import files
+from tactile.base.errors import InputError, storage_error
+from tactile.base.paths import CODE
 
 
 def test_a_file_keeps_its_old_content_until_the_new_is_whole(tmp_path):

@@ -13,9 +13,9 @@ import numpy as np
 import openpyxl
 import pytest
 
-from pipeline.base import foreign
-from pipeline.base.errors import InputError
-from pipeline.own import tables
+from tactile.base import foreign
+from tactile.base.errors import InputError
+from tactile.own import tables
 
 
 class Odd(Exception):

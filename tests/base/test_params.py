@@ -15,13 +15,13 @@ import pytest
 import yaml
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
-from pipeline.base.paths import Workspace
-from pipeline.commands import check
-from pipeline.settings import Params
-from pipeline.settings import models as settings_of_models
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.params_file import copied, set_values
+from tactile.base.paths import Workspace
+from tactile.commands import check
+from tactile.settings import Params
+from tactile.settings import models as settings_of_models
 from tools import schema
 
 WHOLE = params.load(ROOT / "params.yaml")
@@ -65,7 +65,7 @@ HOSTILE = (
 
 @pytest.mark.parametrize("key", HOSTILE)
 def test_a_key_that_names_no_model_is_refused(key):
-    words = "there is no pipeline/models" if isinstance(key, str) else "expected text as a key"
+    words = "there is no tactile/models" if isinstance(key, str) else "expected text as a key"
     for block in ("touch", "physics.glove"):
         with pytest.raises(InputError, match=f"^{params.file_of(block)}, {block}.models: {words}"):
             params.check(altered(*block.split("."), "models", value={key: {}}))
@@ -122,7 +122,7 @@ def test_a_key_that_is_no_text_is_refused(place):
 
 TRAINING = ("models", "cnn", "training")
 IMPOSSIBLE = [
-    (("models",), {"lompp": {}}, "there is no pipeline/models/lompp.py; did you mean 'lomp'"),
+    (("models",), {"lompp": {}}, "there is no tactile/models/lompp.py; did you mean 'lomp'"),
     (("models", "lomp", "hidden"), 0, r"lomp.hidden: .* greater than or equal to 1, got 0 \(meaning: .*\)$"),
     (("models", "lomp", "hidden"), 10**9, "less than or equal to 8192"),
     (("models", "lomp", "neighbours"), 5, "input should be 4 or 8"),
@@ -162,7 +162,7 @@ def test_settings_of_a_model_are_read_without_its_other_imports(tmp_path):
     path = tmp_path / "nearest.py"
     path.write_text(
         '"""Build the nearest neighbours.\n\nMore."""\nfrom pydantic import Field\nimport no_such_package\n'
-        "from pipeline.settings.shared import Block, Count\n"
+        "from tactile.settings.shared import Block, Count\n"
         'class Settings(Block):\n    k: Count = Field(description="Neighbours")\n'
         '    width: float = Field(ge=1 / 64, le=2**3, description="Share of them")\n'
     )
@@ -176,10 +176,10 @@ def test_settings_of_a_model_are_read_without_its_other_imports(tmp_path):
 def test_settings_of_a_model_that_python_cannot_make_are_one_sentence(tmp_path, wrong):
     path = tmp_path / "nearest.py"
     path.write_text(
-        "from pydantic import Field\nimport no_such_package\nfrom pipeline.settings.shared import Block\n"
+        "from pydantic import Field\nimport no_such_package\nfrom tactile.settings.shared import Block\n"
         f"class Settings(Block):\n    {wrong}\n"
     )
-    with pytest.raises(TypeError, match=r"^pipeline/models/nearest.py: its class Settings cannot be made \("):
+    with pytest.raises(TypeError, match=r"^tactile/models/nearest.py: its class Settings cannot be made \("):
         settings_of_models.declared(path)
 
 
@@ -324,7 +324,7 @@ def test_params_yaml_is_read_in_main_alone():
 STAGE = """
 import os, sys
 from pathlib import Path
-from pipeline.base import errors
+from tactile.base import errors
 params = Path(sys.argv[1])
 errors.run_stage(lambda: params.write_text(sys.argv[2]), params)
 """

@@ -7,9 +7,9 @@ import subprocess
 import pytest
 import yaml
 
-from pipeline.base import provenance
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
+from tactile.base import provenance
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 
 def test_git_state_reports_commit_and_changes(workspace, tmp_path, monkeypatch):

@@ -6,9 +6,9 @@ import shutil
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import files, params, paths
-from pipeline.base.errors import InputError
-from pipeline.stages import train as stage
+from tactile.base import files, params, paths
+from tactile.base.errors import InputError
+from tactile.stages import train as stage
 
 RUNS = [("press", 0), ("press", 1), ("random_window", 0)]
 MODELS = ["constant", "tree", "cnn"]
@@ -103,15 +103,15 @@ OF_TREE = [run for run in ALL if run[0] == "tree"]
 @pytest.mark.parametrize(
     ("file", "again"),
     [
-        ("pipeline/models/tree.py", OF_TREE),
-        ("pipeline/learning/estimators.py", [run for run in ALL if run[0] != "cnn"]),
-        ("pipeline/datasets/windows.py", ALL),
-        ("pipeline/stages/train.py", ALL),
-        ("pipeline/models/vgg.py", []),
-        ("pipeline/learning/lomp_network.py", []),
-        ("pipeline/scoring/metrics.py", []),
-        ("pipeline/experiments/touch.py", []),
-        ("pipeline/base/workers.py", []),
+        ("tactile/models/tree.py", OF_TREE),
+        ("tactile/learning/estimators.py", [run for run in ALL if run[0] != "cnn"]),
+        ("tactile/datasets/windows.py", ALL),
+        ("tactile/stages/train.py", ALL),
+        ("tactile/models/vgg.py", []),
+        ("tactile/learning/lomp_network.py", []),
+        ("tactile/scoring/metrics.py", []),
+        ("tactile/experiments/touch.py", []),
+        ("tactile/base/workers.py", []),
     ],
 )
 def test_a_change_of_code_trains_what_imports_it(workspace, train, file, again):
@@ -212,7 +212,7 @@ def test_finished_runs_of_other_settings_data_or_code_are_not_taken(workspace, v
     elif change == "data":
         files.write_text(workspace.dataset("touch"), "other data")
     else:
-        append(workspace, "pipeline/models/tree.py")
+        append(workspace, "tactile/models/tree.py")
     assert train() == (ALL if change == "data" else ALL[3:])
 
 
@@ -266,7 +266,7 @@ def test_a_wrong_model_leaves_the_trained_ones(workspace, values, train, monkeyp
 
 def test_a_missing_dataset_is_one_sentence(workspace, train):
     workspace.dataset("touch").unlink()
-    with pytest.raises(InputError, match=r"dataset.parquet: not found; run `python -m pipeline.stages.dataset touch`"):
+    with pytest.raises(InputError, match=r"dataset.parquet: not found; run `python -m tactile.stages.dataset touch`"):
         train()
 
 

@@ -14,8 +14,8 @@ from builders.project import ROOT
 from builders.tasks import slow
 from tqdm import tqdm
 
-from pipeline.base import errors, processes, workers
-from pipeline.base.errors import InputError
+from tactile.base import errors, processes, workers
+from tactile.base.errors import InputError
 
 ABSURD = 1 << 50  # bytes: more than any machine has
 
@@ -98,7 +98,7 @@ import numpy  # before a worker can limit what it starts
 from threadpoolctl import threadpool_info
 from tqdm import tqdm
 
-from pipeline.base import workers
+from tactile.base import workers
 
 def threads(number, report):
     return [library["num_threads"] for library in threadpool_info()]
@@ -179,8 +179,8 @@ import time
 from pathlib import Path
 from tqdm import tqdm
 from builders.tasks import slow
-from pipeline.base import workers
-from pipeline.base.errors import run_stage
+from tactile.base import workers
+from tactile.base.errors import run_stage
 
 def main():
     with tqdm(total=2) as bar:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pipeline.datasets import schemas
+from tactile.datasets import schemas
 
 COUNTS = 400.0  # under a contact of size 1
 SCENE = (5, 5), 12.0  # rows and columns, and the pitch in mm

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.experiments.array_recorded import COLS, PIXELS, ROWS
+from tactile.experiments.array_recorded import COLS, PIXELS, ROWS
 
 PRESSED = 400.0  # counts above rest of an element that is wholly in contact
 

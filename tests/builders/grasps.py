@@ -4,7 +4,7 @@ import bz2
 
 import numpy as np
 
-from pipeline.experiments.glove_recorded import CELLS, JOINTS, MATRICES
+from tactile.experiments.glove_recorded import CELLS, JOINTS, MATRICES
 
 NAME = "mug_000083-000147.dsa"
 START_MS = 1_410_000_000_000

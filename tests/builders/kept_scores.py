@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline import experiments
-from pipeline.datasets.images import modality
 from pipeline.results import kept
+from tactile import experiments
+from tactile.datasets.images import modality
 
 KEY = ["protocol", "condition", "model", "seed", "metric"]
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from pipeline.base import files
+from tactile.base import files
 
 CHANGES = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.symlink", "os.link", "os.truncate")
 REMOVES = ("os.remove", "os.rmdir")  # of rmtree, which names what is in a folder that it has opened

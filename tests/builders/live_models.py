@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pipeline import models, tasks
-from pipeline.base import files, ranges
-from pipeline.datasets.series import Record
-from pipeline.inference import card as cards
-from pipeline.inference import predictor
-from pipeline.learning.regressors import Scaled
-from pipeline.learning.spec import Spec
-from pipeline.learning.window_statistics import KINDS as KINDS_OF_STATISTICS
-from pipeline.settings.targets import Target
-from pipeline.targets import kept
-from pipeline.targets import models as target_models
-from pipeline.targets.features import Windows
-from pipeline.targets.validate import Final
+from tactile import models, tasks
+from tactile.base import files, ranges
+from tactile.datasets.series import Record
+from tactile.inference import card as cards
+from tactile.inference import predictor
+from tactile.learning.regressors import Scaled
+from tactile.learning.spec import Spec
+from tactile.learning.window_statistics import KINDS as KINDS_OF_STATISTICS
+from tactile.settings.targets import Target
+from tactile.targets import kept
+from tactile.targets import models as target_models
+from tactile.targets.features import Windows
+from tactile.targets.validate import Final
 
 ROWS, COLS, MAP = 2, 3, (8, 12)
 FRAMES, STEP, INTERVAL_S = 3, 2, 0.02

@@ -3,10 +3,10 @@
 import pandas as pd
 import yaml
 
-from pipeline.base import files
-from pipeline.base.paths import Workspace
 from pipeline.results import shards
 from pipeline.results.claim_inputs import COLUMNS
+from tactile.base import files
+from tactile.base.paths import Workspace
 
 METRICS = {"touch": ("rmse", "kPa"), "strain": ("error", "mm"), "glove": ("macro_precision", "1")}
 

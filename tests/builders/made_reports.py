@@ -11,21 +11,21 @@ import pyarrow as pa
 import yaml
 
 from builders.project import ROOT, indexed, small_variants
-from pipeline import experiments
-from pipeline.base import params
-from pipeline.base.files import sha256, write_table
-from pipeline.base.params import load
-from pipeline.datasets import images, labels, schemas
-from pipeline.drawing import common
-from pipeline.experiments import array_recorded as array
 from pipeline.reporting.figures import glove as glove_figures
 from pipeline.reporting.figures import speed
 from pipeline.reporting.figures import strain as strain_figures
 from pipeline.reporting.figures import touch as touch_figures
 from pipeline.results import claim_inputs, kept, one_table, shards
-from pipeline.results import units as by_unit
-from pipeline.scoring.estimates import R2, SHARE, scale_of
 from pipeline.stages import render
+from tactile import experiments
+from tactile.base import params
+from tactile.base.files import sha256, write_table
+from tactile.base.params import load
+from tactile.datasets import images, labels, schemas
+from tactile.drawing import common
+from tactile.experiments import array_recorded as array
+from tactile.scoring import units as by_unit
+from tactile.scoring.estimates import R2, SHARE, scale_of
 
 TRAINING = {"training": {"epochs": 3}}
 LATENCY = {"batches": [1, 4], "threads": 1, "warm_up": 1, "calls": 5, "rounds": 1}

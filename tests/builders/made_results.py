@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import models
-from pipeline.datasets import schemas
-from pipeline.experiments.touch import frames_schema
-from pipeline.tasks import windows
+from tactile import models
+from tactile.datasets import schemas
+from tactile.experiments.touch import frames_schema
+from tactile.tasks import windows
 
 EPOCHS = 5
 SCORES = ["experiment", "protocol", "condition", "model", "seed", "metric", "unit", "value", "n"]

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline import models
-from pipeline.datasets import series
-from pipeline.learning.regressors import FitSummary
+from tactile import models
+from tactile.datasets import series
+from tactile.learning.regressors import FitSummary
 
 SAMPLES = 100
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 
-from pipeline.datasets import schemas
+from tactile.datasets import schemas
 
 
 def frames(force: np.ndarray, x: float = 30.0, y: float = 30.0, gap_at: int | None = None) -> pa.Table:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.sheet.cycles import Log, Sensor
+from tactile.sheet.cycles import Log, Sensor
 
 HZ = 100.0
 SPAN, FULL_N = 200.0, 20.0  # reading of a full press above rest, and its force

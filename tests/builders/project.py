@@ -17,17 +17,18 @@ from types import ModuleType
 import pytest
 import yaml
 
-from pipeline.base import files, modules, params
-from pipeline.base.availability import why_not_run
-from pipeline.base.params_file import copied, set_values
-from pipeline.base.paths import Workspace
-from pipeline.base.processes import ONE_THREAD
 from pipeline.results import shards
 from pipeline.results.claim_inputs import FULL
 from pipeline.stages import agreement, shard
+from tactile.base import files, modules, params
+from tactile.base.availability import why_not_run
+from tactile.base.imports import HOUSES
+from tactile.base.params_file import copied, set_values
+from tactile.base.paths import Workspace
+from tactile.base.processes import ONE_THREAD
 
 ROOT = Path(__file__).resolve().parents[2]
-COMMAND_LINE = "pipeline.commands.command_line"
+COMMAND_LINE = "tactile.commands.command_line"
 SLOW_FIXTURES = {"miniature", "tab"}  # the whole pipeline, a browser
 PARTS = ("data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
 PARTS += ("data/sources/strain_recorded/README.md", "data/sources/glove_recorded/README.md")
@@ -94,7 +95,8 @@ class Project:
                 shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
             else:
                 shutil.copy(source, target)
-        (self.folder / "pipeline").symlink_to(ROOT / "pipeline")  # DVC hashes what is behind it
+        for house in HOUSES:
+            (self.folder / house).symlink_to(ROOT / house)  # DVC hashes what is behind it
         self.environment = os.environ | {
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
             "PYTHONPATH": str(self.folder),
@@ -124,12 +126,12 @@ class Project:
         return self.run("-m", "dvc", *arguments, check=check)
 
     def stages(self, *lines: str) -> float:
-        """Run stages (`stages.train touch`) in turn in one Python, which imports torch once for all of them.
+        """Run stages (`tactile.stages.train touch`) in turn in one Python, which imports torch once for all of them.
 
         Return the processor time of that Python and its children in seconds. The time of all children of this process
         would count the miniature, too, where it ends meanwhile.
         """
-        each = "    sys.argv = line.split()\n    runpy.run_module('pipeline.' + sys.argv[0], run_name='__main__')"
+        each = "    sys.argv = line.split()\n    runpy.run_module(sys.argv[0], run_name='__main__')"
         code = f"import os, runpy, sys\nfor line in sys.argv[1:]:\n{each}\nprint(sum(os.times()[:4]))"
         return float(self.run("-c", code, *lines).stdout.split()[-1])
 
@@ -165,8 +167,9 @@ def copy_project(project: "Project", folder: Path) -> "Project":
 
 def copy_code(folder: Path) -> None:
     """Put a copy of the code in the place of the link to it: for a test that changes the code."""
-    (folder / "pipeline").unlink()
-    shutil.copytree(ROOT / "pipeline", folder / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
+    for house in HOUSES:
+        (folder / house).unlink()
+        shutil.copytree(ROOT / house, folder / house, ignore=shutil.ignore_patterns("__pycache__"))
 
 
 # Two halves of the pipeline that share no stage but that of SHARED: run side by side, they take half as long.

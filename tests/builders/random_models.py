@@ -7,12 +7,12 @@ import numpy as np
 import torch
 
 from builders import live_models
-from pipeline import models, tasks
-from pipeline.datasets.series import Record
-from pipeline.inference import card as cards
-from pipeline.learning.regressors import Scaled
-from pipeline.learning.series_regressors import Scaling, StateReadout
-from pipeline.learning.spec import Spec, of_images
+from tactile import models, tasks
+from tactile.datasets.series import Record
+from tactile.inference import card as cards
+from tactile.learning.regressors import Scaled
+from tactile.learning.series_regressors import Scaling, StateReadout
+from tactile.learning.spec import Spec, of_images
 
 MAPS = Spec(3, 2, 3, 4, 6)
 SERIES = Spec(4, 1, 3, 1, 2)  # three of the sensor's five channels

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.io
 
-from pipeline.experiments.strain_recorded import CYCLE, PRESSED
+from tactile.experiments.strain_recorded import CYCLE, PRESSED
 
 CYCLES = 20
 

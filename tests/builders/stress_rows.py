@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files
-from pipeline.experiments import facts
 from pipeline.results import shards
+from tactile.base import files
+from tactile.experiments import facts
 
 Curve = Callable[[float, int], float]  # severity, seed -> error
 

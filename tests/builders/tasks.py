@@ -35,10 +35,10 @@ def trained(seed: int, report: Any) -> str:
     """Train a small LSTM on noise for two epochs; return the digest of its weights."""
     import torch
 
-    from pipeline.datasets.series import Record
-    from pipeline.learning.lstm import LstmRegressor
-    from pipeline.learning.spec import Spec
-    from pipeline.settings.training import SequenceTraining
+    from tactile.datasets.series import Record
+    from tactile.learning.lstm import LstmRegressor
+    from tactile.learning.spec import Spec
+    from tactile.settings.training import SequenceTraining
 
     torch.set_num_threads(1)
     rng, everywhere = np.random.default_rng(0), np.ones(400, bool)

@@ -10,9 +10,9 @@ import tempfile
 from pathlib import Path
 
 from builders.project import ROOT
-from pipeline.base import params
-from pipeline.experiments import touch
-from pipeline.own import recordings, summary
+from tactile.base import params
+from tactile.experiments import touch
+from tactile.own import recordings, summary
 
 PICTURE = ROOT / "docs" / "check.svg"
 FORMAT = {"load_cell.log": {"separator": "text", "scale": 0.00981}}  # grams, as docs/own_sensor.md has it

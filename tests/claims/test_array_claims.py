@@ -9,12 +9,12 @@ from builders import made_array
 from builders.made_array import FOLDS
 from builders.project import ROOT
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.rules import BEYOND, CONTRADICTED, REPRODUCED, UNDECIDED, interval
 from pipeline.results import one_table, shards
 from pipeline.stages import shard
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / "lomp.yaml"])
 BY_ID = {claim.id: claim for claim in CLAIMS}

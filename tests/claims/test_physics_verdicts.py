@@ -9,10 +9,6 @@ from builders.made_reports import studied
 from builders.project import ROOT
 from scipy.stats import ttest_1samp
 
-from pipeline import experiments
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.claims import physics as physics_verdicts
 from pipeline.claims.physics import CHANGES, EQUIVALENT, FAILED, MARGIN, NONE, UNKNOWN, assess
 from pipeline.reporting import tables
@@ -21,6 +17,10 @@ from pipeline.results.studies import PHYSICS as COLUMNS
 from pipeline.results.studies import effects
 from pipeline.stages import twins as twins_stage
 from pipeline.studies import physics as physics_study
+from tactile import experiments
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 ERRORS = {"single": {"linear": 9.0, "tree": 7.5, "lomp": 3.5}, "double": {"linear": 12.0, "tree": 13.0, "lomp": 7.0}}
 SEEDS = (0, 1, 2, 3, 4)

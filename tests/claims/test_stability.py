@@ -6,13 +6,13 @@ import pytest
 from builders import stress_rows
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.claims import stability
 from pipeline.claims.stability import DOWN, LINEAR, LOG, NO_CLEAN, NO_ORDER, UP
-from pipeline.experiments import facts
 from pipeline.results import shards
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.experiments import facts
 
 DOUBLE = ("press", "double")
 SLOPES = (8.0, 10.0, 12.0, 10.0)  # of an error over severity, by seed

@@ -6,7 +6,7 @@ import pytest
 from builders import stress_rows
 
 from pipeline.claims import stability
-from pipeline.results import units
+from tactile.scoring import units
 
 DAY = ("within_day_xy", "day_1")
 SLOPES = np.array([4.0, 6, 7, 9, 10, 10, 11, 13, 14, 16])  # of an error over severity, by block

@@ -11,8 +11,6 @@ import pytest
 from builders.project import ROOT
 from scipy import stats
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.claims import entries, expressions, judge, rules
 from pipeline.claims.equivalence import inside, lies_within
 from pipeline.claims.rules import (
@@ -27,7 +25,9 @@ from pipeline.claims.rules import (
     UNDECIDED,
 )
 from pipeline.results import claim_inputs, one_table, published, shards
-from pipeline.scoring import estimates
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.scoring import estimates
 
 CLAIMS, PAPERS = entries.read(Workspace(ROOT), [entries.FOLDER / f"{paper}.yaml" for paper in published.PRINTED])
 BY_ID = {claim.id: claim for claim in CLAIMS}

@@ -10,9 +10,9 @@ import pyarrow as pa
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.commands import command_line
-from pipeline.datasets import schemas
+from tactile.base import params
+from tactile.commands import command_line
+from tactile.datasets import schemas
 
 SMALL = {"channels": [4], "hidden": [16]}
 

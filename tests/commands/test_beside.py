@@ -13,11 +13,11 @@ import yaml
 from builders import free_targets, live_models
 from builders.project import ROOT
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.inference import card as cards
-from pipeline.own.beside import Beside
-from pipeline.targets import read
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.inference import card as cards
+from tactile.own.beside import Beside
+from tactile.targets import read
 
 MODEL = ROOT / "pretrained" / "touch" / "lomp_stream"
 SAMPLE = ROOT / "data" / "sample" / "double" / "two_touches"

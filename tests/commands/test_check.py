@@ -15,18 +15,18 @@ from builders import free_targets
 from builders import own_logs as written
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.commands import check, own
-from pipeline.datasets import schemas
-from pipeline.drawing import check as check_figures
-from pipeline.experiments import strain
-from pipeline.logs import elements, layout
-from pipeline.logs.sniff import Proposal
-from pipeline.own import findings, recordings, summary
-from pipeline.own import logs as own_logs
-from pipeline.own import settings as own_settings
-from pipeline.targets import read as targets_read
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.commands import check, own
+from tactile.datasets import schemas
+from tactile.drawing import check as check_figures
+from tactile.experiments import strain
+from tactile.logs import elements, layout
+from tactile.logs.sniff import Proposal
+from tactile.own import findings, recordings, summary
+from tactile.own import logs as own_logs
+from tactile.own import settings as own_settings
+from tactile.targets import read as targets_read
 
 PARAMS = params.load(ROOT / "params.yaml")
 SENSOR = {"touch.sensor": {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0, "order": []}}

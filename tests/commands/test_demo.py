@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline import experiments
-from pipeline.base import params
+from tactile import experiments
+from tactile.base import params
 
 SAMPLE = ROOT / "data" / "sample"
-DEMO = [sys.executable, "-m", "pipeline.commands.command_line", "demo"]
+DEMO = [sys.executable, "-m", "tactile.commands.command_line", "demo"]
 
 
 def test_the_sample_is_small_and_its_page_makes_it_again(tmp_path, monkeypatch):

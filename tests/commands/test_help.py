@@ -9,15 +9,15 @@ import sys
 import pytest
 from builders.project import ROOT
 
-from pipeline.commands import command_line, models
-from pipeline.commands.command_line import COMMANDS
+from tactile.commands import command_line, models
+from tactile.commands.command_line import COMMANDS
 
 EXAMPLES = re.compile(r"\nExamples:\n\n((?:    .+\n?)+)\Z")
 
 
 def run(*words: str) -> subprocess.CompletedProcess:
     code = (
-        f"import sys; sys.argv = ['tactile', *{list(words)!r}]\nfrom pipeline.commands.command_line import main; main()"
+        f"import sys; sys.argv = ['tactile', *{list(words)!r}]\nfrom tactile.commands.command_line import main; main()"
     )
     return subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
 
@@ -70,7 +70,7 @@ def test_a_wrong_word_is_named_with_the_near_one(words, sentence):
 def test_absent_logs_are_said_before_torch_is_loaded(words, sentence):
     code = (
         f"import sys; sys.argv = ['tactile', *{words!r}]\n"
-        "from pipeline.commands.command_line import main\n"
+        "from tactile.commands.command_line import main\n"
         "try:\n    main()\nfinally:\n    assert 'torch' not in sys.modules"
     )
     said = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)

@@ -9,12 +9,12 @@ import scipy.io
 import yaml
 from builders.project import ROOT
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.commands import import_logs
-from pipeline.experiments import strain, touch
-from pipeline.logs import parse
-from pipeline.own import settings as own_settings
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.commands import import_logs
+from tactile.experiments import strain, touch
+from tactile.logs import parse
+from tactile.own import settings as own_settings
 
 ROWS = 300
 T = 5 + 0.01 * np.arange(ROWS)

@@ -9,11 +9,11 @@ import pytest
 from builders import live_models
 from builders.project import ROOT
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.commands import command_line, inspect
-from pipeline.inference import card as cards
-from pipeline.targets import kept
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.commands import command_line, inspect
+from tactile.inference import card as cards
+from tactile.targets import kept
 
 
 @pytest.fixture(autouse=True)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import arguments
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.commands import map_elements
+from tactile.base import arguments
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.commands import map_elements
 
 ROWS, COLS, RATE_HZ = 3, 4, 50.0
 WIRED = [7, 0, 11, 4, 2, 9, 1, 10, 3, 8, 5, 6]  # column of each element, row by row from the bottom

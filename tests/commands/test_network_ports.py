@@ -8,8 +8,8 @@ import time
 import pytest
 from test_record import numbered
 
-from pipeline.base.errors import InputError
-from pipeline.commands import record
+from tactile.base.errors import InputError
+from tactile.commands import record
 
 
 class Until:

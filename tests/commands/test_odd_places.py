@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from builders import live_models, own_logs
 
-from pipeline.inference import mlflow_store
+from tactile.inference import mlflow_store
 
 LONG = "a/" + "x" * 300
 PLACES = [LONG, "/proc/none", "file/below", "..", ".", "loop/below", "a\0b"]

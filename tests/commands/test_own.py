@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from pipeline.base import paths, processes
-from pipeline.base.errors import InputError
-from pipeline.commands import own
+from tactile.base import paths, processes
+from tactile.base.errors import InputError
+from tactile.commands import own
 
 
 def sensor(root, name):
@@ -46,7 +46,7 @@ def test_a_sensor_in_the_folder_of_another_is_refused(workspace, tmp_path, monke
 HOLD = """
 import sys, time
 from pathlib import Path
-from pipeline.base import processes
+from tactile.base import processes
 with processes.holding(Path(sys.argv[1]), lambda: None):
     print("held", flush=True)
     time.sleep(60)

@@ -13,14 +13,14 @@ import pytest
 from builders import free_targets, live_models, own_logs
 from builders.project import ROOT
 
-from pipeline.base import arguments, files, params
-from pipeline.base import cards as base_cards
-from pipeline.commands import targets
-from pipeline.commands.targets import Effort
-from pipeline.datasets import schemas
-from pipeline.inference import card as cards
-from pipeline.inference import predictor, recordings
-from pipeline.targets import kept
+from tactile.base import arguments, files, params
+from tactile.base import cards as base_cards
+from tactile.commands import targets
+from tactile.commands.targets import Effort
+from tactile.datasets import schemas
+from tactile.inference import card as cards
+from tactile.inference import predictor, recordings
+from tactile.targets import kept
 
 TOUCH = params.load(ROOT / "params.yaml")["touch"]
 SENSOR = {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0, "order": []}

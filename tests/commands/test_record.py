@@ -17,8 +17,8 @@ from builders.devices import WAIT_S, Device, until
 from builders.packets import arrived
 from builders.project import ROOT
 
-from pipeline.base.errors import InputError
-from pipeline.commands import record
+from tactile.base.errors import InputError
+from tactile.commands import record
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def start(device, tmp_path):
         command = [
             sys.executable,
             "-m",
-            "pipeline.commands.command_line",
+            "tactile.commands.command_line",
             "record",
             *(arguments or (device.path, tmp_path / "new" / "log")),
         ]
@@ -190,7 +190,7 @@ def test_existing_file_and_missing_port_are_one_sentence(device, tmp_path):
         (device.path, old, "exists already and is never overwritten; give another name"),
         (tmp_path / "none", tmp_path / "new.log", "cannot be opened"),
     ):
-        command = [sys.executable, "-m", "pipeline.commands.command_line", "record", str(port), str(target)]
+        command = [sys.executable, "-m", "tactile.commands.command_line", "record", str(port), str(target)]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S)
         assert done.returncode == 1 and words in done.stderr and "Traceback" not in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
@@ -215,7 +215,7 @@ def test_every_way_to_end_loses_nothing(device, start, tmp_path, number):
 def test_a_terminal_that_is_closed_ends_a_recording_which_loses_nothing(device, tmp_path):
     """The terminal is gone: what is said can no longer be written anywhere."""
     log = tmp_path / "log"
-    line = [sys.executable, "-m", "pipeline.commands.command_line", "record", str(device.path), str(log)]
+    line = [sys.executable, "-m", "tactile.commands.command_line", "record", str(device.path), str(log)]
     child, terminal = pty.fork()  # in a session of its own, of which it is the terminal
     if not child:
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
@@ -241,7 +241,7 @@ def test_a_terminal_that_is_closed_ends_a_recording_which_loses_nothing(device, 
 def test_a_recording_that_ignores_the_end_of_its_terminal_goes_on(device, tmp_path):
     """As with `nohup`."""
     log = tmp_path / "log"
-    line = [sys.executable, "-m", "pipeline.commands.command_line", "record", str(device.path), str(log)]
+    line = [sys.executable, "-m", "tactile.commands.command_line", "record", str(device.path), str(log)]
     process = subprocess.Popen(
         line,
         cwd=ROOT,

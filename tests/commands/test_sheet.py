@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from builders import own_logs, pressed_sensors
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.commands import sheet
-from pipeline.sheet import quantities
-from pipeline.sheet.page import text
-from pipeline.sheet.quantities import QUANTITIES
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.commands import sheet
+from tactile.sheet import quantities
+from tactile.sheet.page import text
+from tactile.sheet.quantities import QUANTITIES
 
 ONE_ELEMENT = "touch.sensor: {rows: 1, cols: 1, pitch_mm: 12.0, element_mm: 11.5, order: []}\n"
 ONE_ELEMENT += "touch.ingest.clock: shared\n"

@@ -10,11 +10,11 @@ import pytest
 from builders import free_targets
 from scipy.stats import gmean
 
-from pipeline import experiments
-from pipeline.base import cards, processes
-from pipeline.commands import targets
-from pipeline.commands.targets import Effort
-from pipeline.targets import report as own_target
+from tactile import experiments
+from tactile.base import cards, processes
+from tactile.commands import targets
+from tactile.commands.targets import Effort
+from tactile.targets import report as own_target
 
 
 def test_a_target_is_checked_and_tested_without_any_other_log(workspace, called, monkeypatch):

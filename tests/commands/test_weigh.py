@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import arguments
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.commands import weigh
-from pipeline.own import weights
+from tactile.base import arguments
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.commands import weigh
+from tactile.own import weights
 
 G = 9.80665  # m/s2
 RATE_HZ = 10.0

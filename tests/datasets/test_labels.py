@@ -5,10 +5,10 @@ import pyarrow as pa
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.datasets import labels, schemas
-from pipeline.experiments import touch
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.datasets import labels, schemas
+from tactile.experiments import touch
 
 
 @pytest.fixture

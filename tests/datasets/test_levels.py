@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline.datasets import levels, schemas, series
+from tactile.datasets import levels, schemas, series
 
 
 def test_windows_have_the_range_of_the_adc_or_of_what_was_read():

@@ -3,8 +3,8 @@
 import numpy as np
 from builders.press_frames import frames, press_force
 
-from pipeline.datasets import schemas
-from pipeline.datasets.windowing import presses, previous_windows, window_rows, windows_of
+from tactile.datasets import schemas
+from tactile.datasets.windowing import presses, previous_windows, window_rows, windows_of
 
 
 def test_presses_are_cut_in_the_middle_of_the_rest():

@@ -4,9 +4,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from pipeline.base.errors import InputError
-from pipeline.datasets import schemas
-from pipeline.datasets.windows import read_dataset
+from tactile.base.errors import InputError
+from tactile.datasets import schemas
+from tactile.datasets.windows import read_dataset
 
 
 @pytest.fixture

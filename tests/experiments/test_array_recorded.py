@@ -10,15 +10,15 @@ from builders import contact_frames
 from builders.contact_frames import PRESSED, mask_of, save
 from builders.project import ROOT
 
-from pipeline import tasks
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.datasets import schemas
-from pipeline.datasets.windowing import windows_of
-from pipeline.experiments import array_recorded
-from pipeline.experiments.array_recorded import COLS, PITCH_MM, PIXELS, ROWS, TOO_MANY, TOO_WIDE
-from pipeline.logs import sources
-from pipeline.stages import ingest
+from tactile import tasks
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.datasets import schemas
+from tactile.datasets.windowing import windows_of
+from tactile.experiments import array_recorded
+from tactile.experiments.array_recorded import COLS, PITCH_MM, PIXELS, ROWS, TOO_MANY, TOO_WIDE
+from tactile.logs import sources
+from tactile.stages import ingest
 
 SETTINGS = params.load(ROOT / "params.yaml")["array_recorded"]
 OWN_PITCH = SETTINGS | {"sensor": {"rows": 20, "cols": 20, "pitch_mm": 4.8}}

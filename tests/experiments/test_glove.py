@@ -5,10 +5,10 @@ import pyarrow as pa
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.datasets import images, schemas, specimens
-from pipeline.experiments import glove
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.datasets import images, schemas, specimens
+from tactile.experiments import glove
 
 CELLS = glove.PRESSURE_CELLS + glove.STRAIN_CELLS
 SCHEMA = glove.frames_schema(params.load(ROOT / "params.yaml")["glove"])

@@ -9,13 +9,13 @@ import pyarrow as pa
 import pytest
 from builders.grasps import NAME, START_MS, angle, frame, grasp, pressed, save, words, xml
 
-from pipeline.base.errors import InputError
-from pipeline.datasets import images as tactile
-from pipeline.datasets import schemas
-from pipeline.experiments import glove_recorded
-from pipeline.experiments.glove_recorded import CELLS, JOINTS, MATRICES, read_recording
-from pipeline.logs import parse
 from pipeline.studies import joint_angles
+from tactile.base.errors import InputError
+from tactile.datasets import images as tactile
+from tactile.datasets import schemas
+from tactile.experiments import glove_recorded
+from tactile.experiments.glove_recorded import CELLS, JOINTS, MATRICES, read_recording
+from tactile.logs import parse
 
 SETTINGS = {
     "ingest": {"max_reject_fraction": 0.25},

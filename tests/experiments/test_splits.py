@@ -6,10 +6,10 @@ import pytest
 from builders.press_frames import frames, press_force
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.datasets.windowing import windows_of
-from pipeline.experiments import touch, velostat_recorded
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.datasets.windowing import windows_of
+from tactile.experiments import touch, velostat_recorded
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import pytest
 from builders import own_logs
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.datasets import schemas, series
-from pipeline.experiments import strain
 from pipeline.scenes import strain as scene_of
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.datasets import schemas, series
+from tactile.experiments import strain
 
 
 @pytest.fixture(scope="module")

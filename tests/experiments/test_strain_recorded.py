@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from builders.strain_workspaces import CYCLES, save, workspace
 
-from pipeline.base.errors import InputError
-from pipeline.datasets import schemas, series
-from pipeline.experiments import strain_recorded
-from pipeline.experiments.strain_recorded import CYCLE, read_recording
-from pipeline.inference import recordings
-from pipeline.logs import parse
+from tactile.base.errors import InputError
+from tactile.datasets import schemas, series
+from tactile.experiments import strain_recorded
+from tactile.experiments.strain_recorded import CYCLE, read_recording
+from tactile.inference import recordings
+from tactile.logs import parse
 
 SETTINGS = {"ingest": {"every": 3, "max_reject_fraction": 0.05}, "split": {"train": 0.7, "validation": 0.1}}
 

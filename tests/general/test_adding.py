@@ -12,12 +12,12 @@ import yaml
 from builders import own_logs, stress_rows
 from builders.project import ROOT, Project, copy_code, in_this_process, miniature_settings, run_stage
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.claims.rules import REPRODUCED
 from pipeline.commands import add
 from pipeline.results import shards
 from pipeline.stages import judge, render_study, shard
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 VARIANT = "{models: [lstm_direct], protocols: [task_1], set: {strain.models.lstm_direct.units: %d}}"
 STUDY = (
@@ -28,8 +28,8 @@ EXPERIMENT = '''\
 
 from dataclasses import replace
 
-from pipeline.experiments import touch
-from pipeline.experiments.touch import (  # all that `experiments` asks for
+from tactile.experiments import touch
+from tactile.experiments.touch import (  # all that `experiments` asks for
     KIND, SCORES, STRESSED, frames_schema, labels, read_in_parts, read_recording, recordings, split,
 )
 
@@ -46,7 +46,7 @@ def added(project: Project, *words: str) -> None:
     copy_code(project.folder)
     shutil.copytree(ROOT / "params", project.folder / "params", dirs_exist_ok=True)
     shutil.copy(ROOT / "params.yaml", project.folder)
-    project.run("-m", "pipeline.commands.command_line", "add", *words)
+    project.run("-m", "tactile.commands.command_line", "add", *words)
 
 
 def test_a_claim_of_five_lines_is_judged_in_the_report(workspace, monkeypatch):
@@ -92,8 +92,8 @@ def test_an_experiment_of_a_module_a_file_of_settings_and_a_row_is_in_the_report
     """Of an existing kind; its logs are somebody's own."""
     project = Project(tmp_path)
     copy_code(project.folder)
-    (project.folder / "pipeline" / "experiments" / "pads.py").write_text(EXPERIMENT)
-    settings = project.folder / "pipeline" / "settings" / "__init__.py"
+    (project.folder / "tactile" / "experiments" / "pads.py").write_text(EXPERIMENT)
+    settings = project.folder / "tactile" / "settings" / "__init__.py"
     before, row, after = settings.read_text().partition("    strain: Strain = ")
     settings.write_text(before + ROW + row + after)
     own_logs.touch(project.folder / "data" / "own" / "pads", 2, 3, 40.0, seconds=60.0)

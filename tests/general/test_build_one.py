@@ -5,10 +5,10 @@ import re
 import numpy as np
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.experiments import touch
-from pipeline.logs import parse
 from pipeline.scenes import readout
+from tactile.base import params
+from tactile.experiments import touch
+from tactile.logs import parse
 
 TEXT = (ROOT / "docs" / "build_one.md").read_text(encoding="utf-8")
 SKETCH = TEXT.partition("```cpp\n")[2].partition("```")[0]

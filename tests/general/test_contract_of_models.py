@@ -1,6 +1,6 @@
 """Every model keeps the promises that stages rely on: its file, its settings, fit, predict, save and load.
 
-Models and experiments are not listed here: the files in pipeline/models and pipeline/experiments are, and params.yaml.
+Models and experiments are not listed here: the files in tactile/models and tactile/experiments are, and params.yaml.
 """
 
 import importlib
@@ -14,14 +14,14 @@ import pytest
 import torch
 from builders.project import ROOT
 
-from pipeline import experiments, models
-from pipeline.base import params
-from pipeline.datasets import series
-from pipeline.learning import series_regressors
-from pipeline.learning.spec import Spec, of_images, of_series
-from pipeline.own import settings as own_settings
-from pipeline.settings.models import Models
-from pipeline.tasks import windows as tasks_windows
+from tactile import experiments, models
+from tactile.base import params
+from tactile.datasets import series
+from tactile.learning import series_regressors
+from tactile.learning.spec import Spec, of_images, of_series
+from tactile.own import settings as own_settings
+from tactile.settings.models import Models
+from tactile.tasks import windows as tasks_windows
 
 VALUES = params.load(ROOT / "params.yaml")
 for own_experiment in experiments.having("log"):
@@ -170,7 +170,7 @@ def test_every_model_is_in_params_yaml_or_of_own_sensors():
 
 @pytest.mark.parametrize("model", Models.model_fields)
 def test_build_takes_settings_by_keyword_without_defaults(model):
-    module = importlib.import_module(f"pipeline.models.{model}")
+    module = importlib.import_module(f"tactile.models.{model}")
     spec, *settings = inspect.signature(module.build).parameters.values()
     assert spec.name == "spec" and [setting.name for setting in settings] == list(module.Settings.model_fields)
     assert all(setting.kind is setting.KEYWORD_ONLY and setting.default is setting.empty for setting in settings)

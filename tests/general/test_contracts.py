@@ -15,14 +15,15 @@ import yaml
 from builders import array_contacts
 from builders.project import ROOT
 
-from pipeline import experiments, scenes, tasks
-from pipeline.base import params, paths, workers
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
+from pipeline import scenes
 from pipeline.reporting import studies
 from pipeline.results import shards
 from pipeline.results.times import LATENCY
 from pipeline.stages import render, twins
+from tactile import experiments, tasks
+from tactile.base import params, paths, workers
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
 
 VALUES = params.load(ROOT / "params.yaml")
 NAMES = sorted(path.stem for path in paths.EXPERIMENTS.glob("*.py") if path.stem != "__init__")
@@ -33,7 +34,7 @@ def test_an_experiment_provides_what_its_kind_needs(name):
     module = experiments.module(name)
     absent = [each for each in (*experiments.EVERY, *experiments.OF_KIND[module.KIND]) if not hasattr(module, each)]
     assert not absent
-    assert tasks.of(name).__name__ == f"pipeline.tasks.{module.KIND}"
+    assert tasks.of(name).__name__ == f"tactile.tasks.{module.KIND}"
 
 
 def test_params_yaml_lists_every_experiment_and_each_has_a_report():

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from builders.project import ROOT
 
-from pipeline import experiments
-from pipeline.base import params
-from pipeline.drawing import labels
-from pipeline.inference import recordings
-from pipeline.logs import sources
-from pipeline.own import settings as own_settings
+from tactile import experiments
+from tactile.base import params
+from tactile.drawing import labels
+from tactile.inference import recordings
+from tactile.logs import sources
+from tactile.own import settings as own_settings
 
 VALUES = params.load(ROOT / "params.yaml")
 NAMES = set(experiments.NAMES)
@@ -62,7 +62,7 @@ def found(search) -> list[str]:
 
 def test_nothing_is_keyed_by_the_names_of_experiments():
     wrong = found(keyed)
-    assert not wrong, f"make these facts of the experiments' modules (pipeline/base/facts.py): {wrong}"
+    assert not wrong, f"make these facts of the experiments' modules (tactile/base/facts.py): {wrong}"
 
 
 def test_few_lines_compare_an_experiment_with_a_name():

@@ -14,21 +14,21 @@ from builders.project import ROOT
 from builders.prose import faults
 
 from benchmarks import report as benchmarks_report
-from pipeline.base import params
-from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
 from pipeline.claims.rules import CONTRADICTED, OFF, REPRODUCED, UNDECIDED
-from pipeline.commands import coverage
-from pipeline.drawing.labels import FRONTS, SPREAD
-from pipeline.experiments import facts
 from pipeline.reporting import array, recorded, speed, stability, studies
 from pipeline.reporting import claims as claims_report
 from pipeline.reporting import experiment as experiment_report
 from pipeline.reporting.page import sections
 from pipeline.results import one_table, shown
-from pipeline.scoring import estimates
 from pipeline.stages import metrics, render, render_study, twins
 from pipeline.studies import counts
+from tactile.base import params
+from tactile.base.paths import Workspace
+from tactile.commands import coverage
+from tactile.drawing.labels import FRONTS, SPREAD
+from tactile.experiments import facts
+from tactile.scoring import estimates
 
 REPOSITORY = Workspace(ROOT)
 VALUES, REPORTS = params.load(REPOSITORY.params), REPOSITORY.reports

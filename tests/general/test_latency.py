@@ -11,15 +11,15 @@ import pytest
 from builders import made_reports, random_models
 from builders.project import ROOT, run_stage
 
-from pipeline import tasks
-from pipeline.base import modules, params
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
-from pipeline.inference import describer, onnx_network, predictor
 from pipeline.results import shards, times
 from pipeline.stages import latency
 from pipeline.studies import latency as study
-from pipeline.tasks import windows
+from tactile import tasks
+from tactile.base import modules, params
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
+from tactile.inference import describer, onnx_network, predictor
+from tactile.tasks import windows
 
 SETTINGS = {"warm_up": 3, "calls": 4, "rounds": 1}
 

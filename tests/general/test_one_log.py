@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from builders import live_models, touch_logs
 
-from pipeline.datasets import schemas
-from pipeline.experiments import touch
-from pipeline.inference import card as cards
-from pipeline.inference import onnx_export, onnx_network, predictor, recordings
-from pipeline.live.session import Session
-from pipeline.live.source import Lines, line_format
+from tactile.datasets import schemas
+from tactile.experiments import touch
+from tactile.inference import card as cards
+from tactile.inference import onnx_export, onnx_network, predictor, recordings
+from tactile.live.session import Session
+from tactile.live.source import Lines, line_format
 
 ORDER = [3, 0, 4, 1, 5, 2]  # printed column of each element
 LOST = (304, 505, 506)  # lines that are not in the log: one is filled, two are a gap

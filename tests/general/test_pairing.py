@@ -11,13 +11,13 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge, physics, sizes
 from pipeline.claims.rules import REPRODUCED
 from pipeline.reporting import glove
 from pipeline.reporting.page import answers
 from pipeline.reporting.report import Report
 from pipeline.results import claim_inputs, one_table, shards, studies
+from tactile.base.paths import Workspace
 
 LEVELS = {"linear": {0: 9.0, 1: 5.0, 2: 5.1}, "poly": {2: 3.85, 0: 8.0, 1: 3.95}}
 ONE, OTHER = (np.array([LEVELS[model][seed] for seed in range(3)]) for model in LEVELS)

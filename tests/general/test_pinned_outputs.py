@@ -13,8 +13,8 @@ import torch
 from safetensors.torch import load_file, save_file
 from test_contract_of_models import VALUES, Given, built, fit, given, given_windows, kind_of, predicted
 
-from pipeline.learning.spec import Spec
-from pipeline.learning.weights import NETWORK_FILE
+from tactile.learning.spec import Spec
+from tactile.learning.weights import NETWORK_FILE
 
 MODELS = {model: experiment for experiment in reversed(VALUES["experiments"]) for model in VALUES[experiment]["models"]}
 SMALL = Spec(10, 3, 4, 6, 12)  # frames, rows and columns of an array, and of its map: few are alike

@@ -5,12 +5,12 @@ import pytest
 from builders.project import ROOT
 
 from pipeline import scenes
-from pipeline.base import params
-from pipeline.base.params_file import set_values
-from pipeline.base.paths import Workspace
-from pipeline.datasets import specimens
 from pipeline.results import shards
 from pipeline.scenes import glove, glove_stress, strain, strain_stress, touch, touch_stress
+from tactile.base import params
+from tactile.base.params_file import set_values
+from tactile.base.paths import Workspace
+from tactile.datasets import specimens
 
 
 def test_a_simulated_recording_says_which_specimen_it_is_of():

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline import experiments, models
-from pipeline.base import params
-from pipeline.datasets import series
-from pipeline.learning.series_regressors import adapted
-from pipeline.learning.spec import Spec, of_series
-from pipeline.own import settings as own_settings
+from tactile import experiments, models
+from tactile.base import params
+from tactile.datasets import series
+from tactile.learning.series_regressors import adapted
+from tactile.learning.spec import Spec, of_series
+from tactile.own import settings as own_settings
 
 VALUES = params.load(ROOT / "params.yaml")
 SOLVED, NOT_SOLVED = 0.85, 0.95  # error over that of the mean: at most, and at least

@@ -9,11 +9,11 @@ import yaml
 from builders.made_results import fit_linear, write_results
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.paths import Workspace
-from pipeline.inference import card as cards
-from pipeline.inference import mlflow_store
 from pipeline.tracking import mlflow_runs
+from tactile.base import params
+from tactile.base.paths import Workspace
+from tactile.inference import card as cards
+from tactile.inference import mlflow_store
 
 SEEDS = (2, 0, 1)  # as params.yaml may list them: a run's place is not its seed
 FRAMES, STEP, ELEMENTS = 4, 2, 6

@@ -5,8 +5,8 @@ import pytest
 import torch
 from builders import random_models
 
-from pipeline.inference import predictor
-from pipeline.learning import series_regressors
+from tactile.inference import predictor
+from tactile.learning import series_regressors
 
 
 def sigmoid(x: np.ndarray) -> np.ndarray:

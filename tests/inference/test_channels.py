@@ -7,10 +7,10 @@ import pyarrow as pa
 import pytest
 from builders import live_models
 
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
-from pipeline.inference import card as cards
-from pipeline.inference import channels, predictor, recordings
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
+from tactile.inference import card as cards
+from tactile.inference import channels, predictor, recordings
 
 N = 12_000
 SETTINGS = live_models.SERIES | {"ingest": live_models.SERIES["ingest"] | {"max_gap_s": 1.0}}

@@ -15,12 +15,12 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from pipeline.base.errors import InputError
-from pipeline.commands import export as command
-from pipeline.inference import card as cards
-from pipeline.inference import onnx_export, onnx_network, onnx_regressions, predictor
-from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import Scaled
+from tactile.base.errors import InputError
+from tactile.commands import export as command
+from tactile.inference import card as cards
+from tactile.inference import onnx_export, onnx_network, onnx_regressions, predictor
+from tactile.learning.estimators import SklearnRegressor
+from tactile.learning.regressors import Scaled
 
 
 class Exported(NamedTuple):

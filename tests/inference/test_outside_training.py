@@ -10,18 +10,18 @@ from builders import live_models
 from builders.project import ROOT
 
 from pipeline import scenes
-from pipeline.base import cards as base_cards
-from pipeline.base import params, ranges
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.commands import predict
-from pipeline.datasets import schemas
-from pipeline.experiments import glove
-from pipeline.inference import card as cards
-from pipeline.inference import intervals, predictions, predictor, recordings, training
-from pipeline.live import outputs
-from pipeline.live.session import Session
-from pipeline.live.source import Lines, line_format
+from tactile.base import cards as base_cards
+from tactile.base import params, ranges
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.commands import predict
+from tactile.datasets import schemas
+from tactile.experiments import glove
+from tactile.inference import card as cards
+from tactile.inference import intervals, predictions, predictor, recordings, training
+from tactile.live import outputs
+from tactile.live.session import Session
+from tactile.live.source import Lines, line_format
 
 VALUES = params.load(ROOT / "params.yaml")
 PRETRAINED = {"touch": "lomp_stream", "strain": "lstm_direct", "glove": "sp_resnet"}

@@ -19,11 +19,11 @@ import pytest
 from builders import live_models, random_models
 from builders.project import ROOT
 
-from pipeline.base import cards as base_cards
-from pipeline.base.errors import InputError
-from pipeline.inference import card as cards
-from pipeline.inference import onnx_export, onnx_network, predictions, predictor, recordings
-from pipeline.targets import kept, read
+from tactile.base import cards as base_cards
+from tactile.base.errors import InputError
+from tactile.inference import card as cards
+from tactile.inference import onnx_export, onnx_network, predictions, predictor, recordings
+from tactile.targets import kept, read
 
 LONGEST_S, LARGEST_KB = 5.0, 500_000  # of processor time and of memory that a card may take
 BITS, MUTATIONS = 60, 150  # of every file, of every package
@@ -399,7 +399,7 @@ def test_a_network_larger_than_its_weights_is_not_made(tmp_path):
 def test_the_size_of_a_network_is_told_without_the_compiler_of_torch():
     """`eye`, `randn` and divisions on the device `meta` take a second of imports; of all, lstm_highpass takes it."""
     code = (
-        "import sys\nfrom builders.random_models import CASES\nfrom pipeline.inference import torch_model\n"
+        "import sys\nfrom builders.random_models import CASES\nfrom tactile.inference import torch_model\n"
         "del CASES['lstm_highpass']\nfor key, case in CASES.items():\n"
         "    torch_model.network_bytes(key, case.spec, case.settings)\n"
         "    assert 'torch._dynamo' not in sys.modules, key\n"

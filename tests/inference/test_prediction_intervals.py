@@ -9,17 +9,17 @@ import pyarrow.parquet as pq
 import pytest
 from builders import live_models
 
-from pipeline import models, tasks
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas, series
-from pipeline.inference import calibration, intervals, predictions, predictor
-from pipeline.inference import card as cards
-from pipeline.inference.recordings import Predicted, Recording
-from pipeline.learning.trained import Trained
-from pipeline.live import outputs, server
-from pipeline.live.session import Prediction
-from pipeline.live.source import Reading
-from pipeline.tasks import series as series_task
+from tactile import models, tasks
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas, series
+from tactile.inference import calibration, intervals, predictions, predictor
+from tactile.inference import card as cards
+from tactile.inference.recordings import Predicted, Recording
+from tactile.learning.trained import Trained
+from tactile.live import outputs, server
+from tactile.live.session import Prediction
+from tactile.live.source import Reading
+from tactile.tasks import series as series_task
 
 
 def written(folder, model: predictor.Predictor, predicted: np.ndarray) -> tuple[dict, dict]:

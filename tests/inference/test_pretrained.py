@@ -16,16 +16,17 @@ import pyarrow.parquet
 import pytest
 from builders.project import ROOT
 
-from pipeline import experiments, scenes
-from pipeline.base import arguments, params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
+from pipeline import scenes
 from pipeline.commands import cards as model_cards
-from pipeline.commands import predict
-from pipeline.datasets import schemas, series, specimens
-from pipeline.inference import card as cards
-from pipeline.inference import packages, pictures, predictor, recordings, touches
-from pipeline.scoring import classification, metrics
+from tactile import experiments
+from tactile.base import arguments, params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.commands import predict
+from tactile.datasets import schemas, series, specimens
+from tactile.inference import card as cards
+from tactile.inference import packages, pictures, predictor, recordings, touches
+from tactile.scoring import classification, metrics
 
 VALUES = params.load(ROOT / "params.yaml")
 PRETRAINED = ROOT / "pretrained"
@@ -197,7 +198,7 @@ def test_a_model_that_is_not_there_is_named(name, problem, tmp_path):
 def test_touches_and_force_of_a_map():
     card = cards.read(TOUCH)
     sensor, label = card.reading["sensor"], card.reading["label"]
-    from pipeline.datasets import labels
+    from tactile.datasets import labels
 
     kpa = labels.pressure_kpa(np.array([[4.0, 2.0]]), label["tip_radius_mm"])
     maps = labels.pressure_maps(kpa, np.array([[13.5, 46.5]]), np.array([[13.5, 31.5]]), sensor, label)
@@ -242,7 +243,7 @@ def test_predict_needs_no_ground_truth(double, tmp_path):
     (folder / "array.log").write_bytes(b"".join(lines))
     out = tmp_path / "out"
     _, importing = cpu_seconds([sys.executable, "-c", "import torch"], tmp_path / "import")
-    command = [sys.executable, "-m", "pipeline.commands.command_line"]
+    command = [sys.executable, "-m", "tactile.commands.command_line"]
     text, predicting = cpu_seconds([*command, "predict", str(TOUCH), str(folder), "--out", str(out)], tmp_path / "said")
     assert "bench/run: 2999 readings in 59.982 s, 1 lines rejected, up to" in text
     assert predicting < 6 * importing

@@ -7,9 +7,9 @@ import pytest
 from builders import made_evidence
 from builders.made_evidence import keep, scores
 
-from pipeline.base.paths import Workspace
 from pipeline.results import shards, shown
 from pipeline.tracking import mlflow_runs
+from tactile.base.paths import Workspace
 
 COMBINED = ("glove", "random_frames_combined", "combined")
 SETS = {

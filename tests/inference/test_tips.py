@@ -7,11 +7,11 @@ import pytest
 from builders.project import ROOT
 from PIL import Image
 
-from pipeline import experiments
-from pipeline.datasets import schemas
-from pipeline.inference import pictures, recordings
-from pipeline.inference.card import Card
-from pipeline.inference.predictor import load
+from tactile import experiments
+from tactile.datasets import schemas
+from tactile.inference import pictures, recordings
+from tactile.inference.card import Card
+from tactile.inference.predictor import load
 
 SAMPLE = ROOT / "data" / "sample" / "double" / "two_touches"
 

@@ -12,11 +12,11 @@ import yaml
 from builders.made_results import write_results
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.files import sha256, write_table
-from pipeline.base.paths import Workspace
 from pipeline.results import claim_inputs, one_table, shards, shown
 from pipeline.tracking import mlflow_runs
+from tactile.base import params
+from tactile.base.files import sha256, write_table
+from tactile.base.paths import Workspace
 
 COMPARED = ("rmse", "error", "macro_precision", "accuracy")  # scores that runs are compared by
 LOG_SCALE = ("rmse", "error")  # their mean over seeds is geometric
@@ -38,7 +38,7 @@ PRINTED = {  # experiment -> metric here, and as a paper prints it, of which so 
 @functools.cache
 def published() -> dict[tuple[str, str, str, str], float]:
     """Return (paper, model, condition, metric) -> value, as published.csv calls them."""
-    with open(ROOT / "pipeline" / "scoring" / "published.csv", newline="", encoding="utf-8") as file:
+    with open(ROOT / "tactile" / "scoring" / "published.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     return {(row["paper"], row["model"], row["condition"], row["metric"]): float(row["value"]) for row in rows}
 

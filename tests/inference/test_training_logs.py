@@ -6,10 +6,10 @@ import shutil
 from builders import live_models, own_logs
 from builders.project import ROOT, run_stage
 
-from pipeline.base import files, params
-from pipeline.inference import card as cards
-from pipeline.inference import training_logs
-from pipeline.stages import dataset, ingest, window
+from tactile.base import files, params
+from tactile.inference import card as cards
+from tactile.inference import training_logs
+from tactile.stages import dataset, ingest, window
 
 ALL = ["train", "validation", "test"]
 

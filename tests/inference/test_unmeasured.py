@@ -10,11 +10,11 @@ from builders import live_models
 from builders.project import ROOT
 
 from pipeline import scenes
-from pipeline.base import params, ranges
-from pipeline.inference import predictions, predictor, recordings
-from pipeline.live.session import Session
-from pipeline.live.source import Lines, line_format
-from pipeline.logs import unmeasured
+from tactile.base import params, ranges
+from tactile.inference import predictions, predictor, recordings
+from tactile.live.session import Session
+from tactile.live.source import Lines, line_format
+from tactile.logs import unmeasured
 
 N = 600
 REACH = (live_models.FRAMES - 1) * live_models.STEP

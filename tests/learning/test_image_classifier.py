@@ -5,11 +5,11 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.base.errors import InputError
-from pipeline.datasets.images import SIDE
-from pipeline.learning.image_classifier import ImageClassifier, augmented, draw_alterations
-from pipeline.learning.spec import of_images
-from pipeline.settings.training import AugmentedTraining
+from tactile.base.errors import InputError
+from tactile.datasets.images import SIDE
+from tactile.learning.image_classifier import ImageClassifier, augmented, draw_alterations
+from tactile.learning.spec import of_images
+from tactile.settings.training import AugmentedTraining
 
 NONE = {"learning_rate": 2e-4, "batch_size": 8, "epochs": 3}
 NONE |= {"flip": 0.0, "noise": 0.0, "affine": 0.0}

@@ -6,12 +6,12 @@ import torch
 from torch import nn
 
 from benchmarks.peers import LoopedLomp
-from pipeline.base.errors import InputError
-from pipeline.learning import lomp_network, lomp_prediction, lomp_shape
-from pipeline.learning.spec import Spec
-from pipeline.learning.training import products_in
-from pipeline.models import lomp, lomp_stream
-from pipeline.settings.training import WindowTraining
+from tactile.base.errors import InputError
+from tactile.learning import lomp_network, lomp_prediction, lomp_shape
+from tactile.learning.spec import Spec
+from tactile.learning.training import products_in
+from tactile.models import lomp, lomp_stream
+from tactile.settings.training import WindowTraining
 
 TRAINING = WindowTraining(learning_rate=1e-3, batch_size=16, epochs=1, rest_share=1.0)
 

@@ -7,12 +7,12 @@ from safetensors.torch import load_file
 from torch import nn
 from torch.optim.optimizer import register_optimizer_step_post_hook
 
-from pipeline.base.errors import InputError
-from pipeline.learning import cost, regressors, weights
-from pipeline.learning.estimators import SklearnRegressor
-from pipeline.learning.regressors import TorchRegressor
-from pipeline.learning.spec import Spec
-from pipeline.settings.training import WindowTraining
+from tactile.base.errors import InputError
+from tactile.learning import cost, regressors, weights
+from tactile.learning.estimators import SklearnRegressor
+from tactile.learning.regressors import TorchRegressor
+from tactile.learning.spec import Spec
+from tactile.settings.training import WindowTraining
 
 SPEC = Spec(2, 1, 3, 2, 2)
 

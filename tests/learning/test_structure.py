@@ -14,13 +14,13 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.tree import DecisionTreeRegressor
 from sklearn.tree._tree import Tree
 
-from pipeline import models
-from pipeline.base.errors import InputError
-from pipeline.learning import estimators, structure
-from pipeline.learning.per_element import ElementTrees
-from pipeline.learning.spec import Spec
+from tactile import models
+from tactile.base.errors import InputError
+from tactile.learning import estimators, structure
+from tactile.learning.per_element import ElementTrees
+from tactile.learning.spec import Spec
 
-TRUSTED = ("sklearn.tree._tree.Tree", "pipeline.learning.per_element.ElementTrees")
+TRUSTED = ("sklearn.tree._tree.Tree", "tactile.learning.per_element.ElementTrees")
 RNG = np.random.default_rng(0)
 X, Y = RNG.normal(size=(200, 4)), RNG.normal(size=(200, 6))
 HUGE = 10**9

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline import models, tasks
-from pipeline.base import params, paths
-from pipeline.base.errors import InputError
-from pipeline.learning.spec import Spec
-from pipeline.learning.trained import Fitted
-from pipeline.scoring import metrics
+from tactile import models, tasks
+from tactile.base import params, paths
+from tactile.base.errors import InputError
+from tactile.learning.spec import Spec
+from tactile.learning.trained import Fitted
+from tactile.scoring import metrics
 
 SPEC = Spec(2, 1, 3, 1, 2)
 
@@ -50,13 +50,13 @@ def test_a_run_that_diverged_predicts_nothing(workspace, values):
 
 
 def test_a_run_that_is_not_there_or_broken_says_how_to_train_it(workspace, values):
-    with pytest.raises(InputError, match="press-1: not found; run `python -m pipeline.stages.train touch` first"):
+    with pytest.raises(InputError, match="press-1: not found; run `python -m tactile.stages.train touch` first"):
         tasks.load(workspace, values, "touch", "linear_array", "press", 1, SPEC)
-    with pytest.raises(InputError, match="run `python -m pipeline.stages.train glove` first"):
+    with pytest.raises(InputError, match="run `python -m tactile.stages.train glove` first"):
         tasks.load(workspace, values, "glove", "tree", "session_strain", 0, Spec(1, 32, 32, 1, 16))
     (workspace.run_folder("touch", "linear_array", "press", 0) / "fit.json").write_text("{}")
     with pytest.raises(
-        InputError, match="key 'stop_reason' is missing; run `python -m pipeline.stages.train touch` again"
+        InputError, match="key 'stop_reason' is missing; run `python -m tactile.stages.train touch` again"
     ):
         tasks.load(workspace, values, "touch", "linear_array", "press", 0, SPEC)
 

@@ -6,13 +6,7 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.learning.training import (
-    BFLOAT16_INSTRUCTIONS,
-    Epoch,
-    Schedule,
-    precision_on,
-    run_epochs,
-)
+from tactile.learning.training import BFLOAT16_INSTRUCTIONS, Epoch, Schedule, precision_on, run_epochs
 
 
 class Counter(nn.Module):

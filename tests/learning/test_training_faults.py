@@ -5,17 +5,18 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.base.errors import InputError
-from pipeline.datasets import levels, series
-from pipeline.datasets.levels import Levels
-from pipeline.learning.faults import FaultDraws, Readings
-from pipeline.learning.image_classifier import ImageClassifier
-from pipeline.learning.lstm import LstmRegressor
-from pipeline.learning.regressors import TorchRegressor
-from pipeline.learning.series_regressors import Windowed
-from pipeline.learning.spec import Spec, of_images
-from pipeline.models import cnn, lomp_stream, lstm_highpass
-from pipeline.settings.training import (
+from pipeline.stability import perturbations
+from tactile.base.errors import InputError
+from tactile.datasets import levels, series
+from tactile.datasets.levels import Levels
+from tactile.learning.faults import FaultDraws, Readings
+from tactile.learning.image_classifier import ImageClassifier
+from tactile.learning.lstm import LstmRegressor
+from tactile.learning.regressors import TorchRegressor
+from tactile.learning.series_regressors import Windowed
+from tactile.learning.spec import Spec, of_images
+from tactile.models import cnn, lomp_stream, lstm_highpass
+from tactile.settings.training import (
     AugmentedTraining,
     Faults,
     ScheduledTraining,
@@ -23,7 +24,6 @@ from pipeline.settings.training import (
     StretchTraining,
     WindowTraining,
 )
-from pipeline.stability import perturbations
 
 FAULTS = {"dead": 0.1, "gain": 0.2, "offset": 0.02}
 WINDOWS = {"learning_rate": 0.01, "batch_size": 8, "epochs": 2, "rest_share": 1.0}

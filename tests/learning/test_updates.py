@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline import models
-from pipeline.learning import updates
-from pipeline.learning.spec import Spec, of_images
-from pipeline.learning.training import device_of
+from tactile import models
+from tactile.learning import updates
+from tactile.learning.spec import Spec, of_images
+from tactile.learning.training import device_of
 
 TRAINING = {"learning_rate": 1e-3, "batch_size": 8, "epochs": 6}
 IMAGES = TRAINING | {"flip": 0.3, "noise": 0.02, "affine": 0.3}

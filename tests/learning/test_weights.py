@@ -6,10 +6,10 @@ import torch
 from builders import live_models, random_models
 from safetensors.torch import load_file, save_file
 
-from pipeline.base.errors import InputError
-from pipeline.inference import card as cards
-from pipeline.inference import predictor
-from pipeline.learning import weights
+from tactile.base.errors import InputError
+from tactile.inference import card as cards
+from tactile.inference import predictor
+from tactile.learning import weights
 
 CHANGES = [
     lambda value: value[:0],

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.learning.window_statistics import PENALTIES, Statistics
-from pipeline.models.window_ridge import CrossValidated
+from tactile.learning.window_statistics import PENALTIES, Statistics
+from tactile.models.window_ridge import CrossValidated
 
 
 def test_a_window_that_does_not_change_has_its_reading_and_no_slope_nor_spread():

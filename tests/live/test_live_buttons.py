@@ -11,13 +11,13 @@ from builders.live_models import map_over, press, printed, target
 from builders.project import ROOT
 from PIL import Image
 
-from pipeline.commands.live import Recorder
-from pipeline.inference import card as cards
-from pipeline.inference import predictor
-from pipeline.live import server, target_stream, truth
-from pipeline.live.session import Session
-from pipeline.live.source import Lines, line_format
-from pipeline.targets import kept
+from tactile.commands.live import Recorder
+from tactile.inference import card as cards
+from tactile.inference import predictor
+from tactile.live import server, target_stream, truth
+from tactile.live.session import Session
+from tactile.live.source import Lines, line_format
+from tactile.targets import kept
 
 pytestmark = pytest.mark.slow
 PRESSED = "document.getElementById('{}').getAttribute('aria-pressed') === 'true'"

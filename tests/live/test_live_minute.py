@@ -55,7 +55,7 @@ def cell(tab, name: str) -> str:
 def test_a_minute_at_1000_lines_a_second_loses_nothing(tmp_path, tab):
     """No line is lost, memory stays, and pictures go on to the end."""
     device, log = Device(tmp_path / "port"), tmp_path / "array.log"
-    line = [sys.executable, "-m", "pipeline.commands.command_line", "live", MODEL, "--port", str(device.path)]
+    line = [sys.executable, "-m", "tactile.commands.command_line", "live", MODEL, "--port", str(device.path)]
     process = subprocess.Popen(
         [*line, "--record", str(log), "--http-port", "0"], cwd=ROOT, stderr=subprocess.PIPE, text=True
     )

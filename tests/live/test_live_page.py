@@ -20,7 +20,7 @@ SECONDS = 4  # that the device prints
 
 
 def command(*arguments: str) -> subprocess.Popen:
-    line = [sys.executable, "-m", "pipeline.commands.command_line", "live", *arguments]
+    line = [sys.executable, "-m", "tactile.commands.command_line", "live", *arguments]
     return subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -75,7 +75,7 @@ def test_a_terminal_that_is_closed_ends_a_session_which_records_all(tmp_path, pa
     """With CSV on the terminal: it cannot be written any more, and what is under way is recorded."""
     device, log = Device(tmp_path / "port"), tmp_path / "array.log"
     data = printed(press(100))
-    line = [sys.executable, "-m", "pipeline.commands.command_line", "live", str(package("linear")), "--csv"]
+    line = [sys.executable, "-m", "tactile.commands.command_line", "live", str(package("linear")), "--csv"]
     line += ["--port", str(device.path), "--record", str(log)]
     child, terminal = pty.fork()  # in a session of its own, of which it is the terminal
     if not child:

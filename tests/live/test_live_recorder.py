@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from builders.live_models import press, printed
 
-from pipeline.base.errors import InputError
-from pipeline.commands.live import Recorder
-from pipeline.inference import card as cards
-from pipeline.live.source import Lines, line_format
+from tactile.base.errors import InputError
+from tactile.commands.live import Recorder
+from tactile.inference import card as cards
+from tactile.live.source import Lines, line_format
 
 HEADER = b"t_us,v5,v4,v3,v2,v1,v0\n"
 

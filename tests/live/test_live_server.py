@@ -19,10 +19,10 @@ from builders.devices import WAIT_S, until
 from builders.live_models import press, printed
 from builders.project import ROOT
 
-from pipeline.inference import predictor
-from pipeline.live import outputs, server
-from pipeline.live.session import Session
-from pipeline.live.source import Lines, line_format
+from tactile.inference import predictor
+from tactile.live import outputs, server
+from tactile.live.session import Session
+from tactile.live.source import Lines, line_format
 
 GOOD = {"number": 0, "arrived_s": None}
 
@@ -486,7 +486,7 @@ def test_file_descriptors_that_are_used_up_are_one_line(package, tmp_path):
     line = [
         sys.executable,
         "-m",
-        "pipeline.commands.command_line",
+        "tactile.commands.command_line",
         "live",
         str(package("linear")),
         "--replay",

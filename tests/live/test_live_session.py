@@ -10,11 +10,11 @@ import pytest
 from builders.live_models import FRAMES, INTERVAL_S, STEP, map_over, press, printed
 from builders.packets import arrived, stamps_us
 
-from pipeline.base.errors import InputError
-from pipeline.inference import predictor
-from pipeline.live import outputs
-from pipeline.live.session import Session
-from pipeline.live.source import Lines, line_format
+from tactile.base.errors import InputError
+from tactile.inference import predictor
+from tactile.live import outputs
+from tactile.live.session import Session
+from tactile.live.source import Lines, line_format
 
 SAME = 1e-3  # of the largest prediction: one reading is predicted with weights of 16 bits, many with float32
 WINDOW = (FRAMES - 1) * STEP  # readings before the first one that ends a window

@@ -9,13 +9,13 @@ import pytest
 from builders.live_models import COLS, ROWS, TOUCH, press, printed
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.commands import live
-from pipeline.experiments import touch
-from pipeline.inference import card as cards
-from pipeline.live import source
-from pipeline.live.source import Lines, line_format, line_layout, replay
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.commands import live
+from tactile.experiments import touch
+from tactile.inference import card as cards
+from tactile.live import source
+from tactile.live.source import Lines, line_format, line_layout, replay
 
 
 @pytest.fixture

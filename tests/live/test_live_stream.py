@@ -7,10 +7,10 @@ import pytest
 from builders.live_models import FRAMES, STEP, map_over, press, printed
 from test_live_server import Client
 
-from pipeline.inference import predictor
-from pipeline.live import server
-from pipeline.live.session import Session
-from pipeline.live.source import Lines, line_format
+from tactile.inference import predictor
+from tactile.live import server
+from tactile.live.session import Session
+from tactile.live.source import Lines, line_format
 
 
 @pytest.fixture

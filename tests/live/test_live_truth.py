@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline.inference import card as cards
-from pipeline.inference import recordings
-from pipeline.live import truth
-from pipeline.live.source import Lines, line_format
+from tactile.inference import card as cards
+from tactile.inference import recordings
+from tactile.live import truth
+from tactile.live.source import Lines, line_format
 
 LOG = ROOT / "data" / "sample" / "double" / "two_touches" / "array.log"
 CARD = cards.read(ROOT / "pretrained" / "touch" / "lomp_stream")

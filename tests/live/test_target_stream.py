@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from builders.live_models import COLS, ROWS, target
 
-from pipeline.inference import intervals
-from pipeline.live import target_stream
-from pipeline.targets import features, kept
-from pipeline.targets.read import Readings
+from tactile.inference import intervals
+from tactile.live import target_stream
+from tactile.targets import features, kept
+from tactile.targets.read import Readings
 
 CLASSES = ("ball", "cup", "plate")
 

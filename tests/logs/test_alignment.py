@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.base.errors import InputError
-from pipeline.logs import alignment
-from pipeline.logs.alignment import Clock, Signal, averager, interpolated, place_all, place_pair
+from tactile.base.errors import InputError
+from tactile.logs import alignment
+from tactile.logs.alignment import Clock, Signal, averager, interpolated, place_all, place_pair
 
 LIMITS = {"max_offset_s": 5.0, "min_correlation": 0.5, "who": "single/run000"}
 

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from pipeline.experiments import strain, touch
-from pipeline.logs import diagnosis, parse
+from tactile.experiments import strain, touch
+from tactile.logs import diagnosis, parse
 
 CELL = [f"{7_000_000 + 12_500 * k},{10 + 0.25 * (k % 7):.3f}" for k in range(40)]
 DAQ = [f"{0.2 * k:.4f}," + ",".join(f"{2 + 0.01 * (k + c):.4f}" for c in range(3)) for k in range(40)]

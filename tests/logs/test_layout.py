@@ -10,12 +10,12 @@ from builders.touched_sensors import touched
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from pipeline.base.errors import InputError
-from pipeline.experiments import strain, touch
-from pipeline.live.source import Lines, replay
-from pipeline.logs import layout, parse, sniff
-from pipeline.logs.formats import Column, Format
-from pipeline.own import logs as own_logs
+from tactile.base.errors import InputError
+from tactile.experiments import strain, touch
+from tactile.live.source import Lines, replay
+from tactile.logs import layout, parse, sniff
+from tactile.logs.formats import Column, Format
+from tactile.own import logs as own_logs
 
 ROWS = 90
 DAQ = strain.formats({"sensor": {"channels": 3}})["daq.log"]

@@ -5,11 +5,12 @@ import pytest
 from builders.project import ROOT, miniature_settings
 from builders.touched_sensors import touched
 
-from pipeline import experiments, scenes
-from pipeline.base import params
-from pipeline.datasets import schemas
-from pipeline.logs import no_measurement
-from pipeline.targets import read as targets_read
+from pipeline import scenes
+from tactile import experiments
+from tactile.base import params
+from tactile.datasets import schemas
+from tactile.logs import no_measurement
+from tactile.targets import read as targets_read
 
 VALUES = params.load(ROOT / "params.yaml")
 NOTHING = no_measurement.Found(None, None, [])

@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 from builders.project import ROOT
 
-from pipeline import experiments
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied
-from pipeline.base.paths import Workspace
-from pipeline.commands import check, command_line, own
-from pipeline.logs import own_data
-from pipeline.stages import ingest
+from tactile import experiments
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.params_file import copied
+from tactile.base.paths import Workspace
+from tactile.commands import check, command_line, own
+from tactile.logs import own_data
+from tactile.stages import ingest
 
 LOG = "finger/single/run000/array.log"
 

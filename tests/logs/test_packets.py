@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from builders.packets import arrived, stamps_us
 
-from pipeline.datasets import schemas
-from pipeline.logs import packets
+from tactile.datasets import schemas
+from tactile.logs import packets
 
 
 def printed(hz, seconds=30.0, jitter=0.0, seed=0):

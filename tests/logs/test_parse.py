@@ -13,11 +13,11 @@ from builders.project import ROOT
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.base.errors import InputError
-from pipeline.live.source import Lines
-from pipeline.logs import parse
-from pipeline.logs.formats import Column, Format
-from pipeline.logs.parse import read_log
+from tactile.base.errors import InputError
+from tactile.live.source import Lines
+from tactile.logs import parse
+from tactile.logs.formats import Column, Format
+from tactile.logs.parse import read_log
 
 
 def write(tmp_path: Path, content: bytes) -> Path:
@@ -323,8 +323,8 @@ def peak_and_time(path: Path, limit: float) -> tuple[float, float]:
 import time
 from benchmarks.measure import _memory_mb
 from pathlib import Path
-from pipeline.logs import parse
-from pipeline.base.errors import InputError
+from tactile.logs import parse
+from tactile.base.errors import InputError
 from builders.log_formats import COUNTS
 memory, started = _memory_mb("VmRSS"), time.process_time()
 try:

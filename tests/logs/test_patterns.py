@@ -1,4 +1,4 @@
-"""Expressions of settings mean what `re` means by them, and end: see pipeline/settings/patterns.py."""
+"""Expressions of settings mean what `re` means by them, and end: see tactile/settings/patterns.py."""
 
 import itertools
 import re
@@ -8,8 +8,8 @@ import pytest
 import yaml
 from builders.project import ROOT
 
-from pipeline.logs import sniff
-from pipeline.settings import patterns
+from tactile.logs import sniff
+from tactile.settings import patterns
 
 # In settings of documents, tests and recorded logs, and those that `check` proposes.
 USED = [

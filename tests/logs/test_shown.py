@@ -5,9 +5,9 @@ import gzip
 import numpy as np
 import pytest
 
-from pipeline.experiments import glove, strain, touch
-from pipeline.logs import parse, shown
-from pipeline.logs.formats import Column, Format
+from tactile.experiments import glove, strain, touch
+from tactile.logs import parse, shown
+from tactile.logs.formats import Column, Format
 
 DAQ = strain.formats({"sensor": {"channels": 2}})["daq.log"]
 ARRAY = touch.array_format({"sensor": {"rows": 4, "cols": 6}, "ingest": {"highest_count": 1023}})

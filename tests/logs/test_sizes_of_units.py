@@ -10,10 +10,10 @@ import math
 
 import pytest
 
-from pipeline.experiments import strain, touch
-from pipeline.logs import parse, units
-from pipeline.logs.formats import Column
-from pipeline.own import logs as own_logs
+from tactile.experiments import strain, touch
+from tactile.logs import parse, units
+from tactile.logs.formats import Column
+from tactile.own import logs as own_logs
 
 GRAVITY = 9.80665
 SIZES = {

@@ -9,10 +9,10 @@ from urllib.parse import quote, unquote
 
 import pytest
 
-from pipeline import experiments
-from pipeline.base.errors import InputError
-from pipeline.commands import command_line, fetch
-from pipeline.logs import sources
+from tactile import experiments
+from tactile.base.errors import InputError
+from tactile.commands import command_line, fetch
+from tactile.logs import sources
 
 CONTENT = {"a/one.txt": b"1.0 2.0\n", "b/two words.txt": b"3.0 4.0\n"}
 

@@ -5,11 +5,11 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
-from pipeline.base.errors import InputError
-from pipeline.experiments import strain, touch
-from pipeline.logs import diagnosis, layout, parse, sniff, units
-from pipeline.own import logs as own_logs
-from pipeline.settings.shared import Layout
+from tactile.base.errors import InputError
+from tactile.experiments import strain, touch
+from tactile.logs import diagnosis, layout, parse, sniff, units
+from tactile.own import logs as own_logs
+from tactile.settings.shared import Layout
 
 SETTINGS = {"ingest": {"max_reject_fraction": 0.01}}
 N = 240

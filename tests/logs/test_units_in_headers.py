@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.base.errors import InputError
-from pipeline.experiments import strain, touch
-from pipeline.logs import parse, units
-from pipeline.own import logs as own_logs
-from pipeline.settings.targets import Target
-from pipeline.targets import read
+from tactile.base.errors import InputError
+from tactile.experiments import strain, touch
+from tactile.logs import parse, units
+from tactile.own import logs as own_logs
+from tactile.settings.targets import Target
+from tactile.targets import read
 
 SETTINGS = {"ingest": {"max_reject_fraction": 0.01}}
 N = 200

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.base.errors import InputError
-from pipeline.experiments import strain, touch
-from pipeline.logs import parse, sniff, units
-from pipeline.own import logs as own_logs
+from tactile.base.errors import InputError
+from tactile.experiments import strain, touch
+from tactile.logs import parse, sniff, units
+from tactile.own import logs as own_logs
 
 SETTINGS = {"ingest": {"max_reject_fraction": 0.02}}
 N = 80

@@ -9,16 +9,16 @@ import torch
 from sklearn.naive_bayes import GaussianNB
 from torch import nn
 
-from pipeline import models
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.datasets.images import SIDE
-from pipeline.learning import cost
-from pipeline.learning.residual_blocks import BasicBlock, Convolution3x3, GlobalCoordinateAttention, SeparableBlock
-from pipeline.learning.spec import of_images
-from pipeline.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
-from pipeline.settings.training import AugmentedTraining
 from pipeline.studies.operations import operations
+from tactile import models
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.datasets.images import SIDE
+from tactile.learning import cost
+from tactile.learning.residual_blocks import BasicBlock, Convolution3x3, GlobalCoordinateAttention, SeparableBlock
+from tactile.learning.spec import of_images
+from tactile.models import mobilenet, resnet3x3, resnet18, sp_resnet, sp_resnet_nogcam
+from tactile.settings.training import AugmentedTraining
 
 TRAINING = dict(learning_rate=1e-3, batch_size=6, epochs=1, flip=0.0, noise=0.0, affine=0.0)
 SETTINGS = {
@@ -106,7 +106,7 @@ def test_shapes_and_parameters(key):
     assert scores.shape == (5, OBJECTS) and scores.dtype == np.float32
     np.testing.assert_allclose(scores.sum(1), 1, rtol=1e-5)
     assert f"{model.parameters():,} parameters" in inspect.getdoc(
-        importlib.import_module(f"pipeline.models.{key}").build
+        importlib.import_module(f"tactile.models.{key}").build
     )
 
 

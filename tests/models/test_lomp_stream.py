@@ -5,10 +5,10 @@ import pyarrow as pa
 import pytest
 import torch
 
-from pipeline import models
-from pipeline.datasets.windows import Dataset
-from pipeline.learning.spec import Spec
-from pipeline.models import lomp_stream
+from tactile import models
+from tactile.datasets.windows import Dataset
+from tactile.learning.spec import Spec
+from tactile.models import lomp_stream
 
 SPEC = Spec(4, 2, 2, 4, 4)
 TRAINING = dict(learning_rate=3e-3, batch_size=8, epochs=15)

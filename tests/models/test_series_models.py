@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline import models
-from pipeline.base.errors import InputError
-from pipeline.datasets import series
-from pipeline.learning.series_regressors import adapted, ridge_weights
-from pipeline.learning.spec import Spec, of_series
 from pipeline.studies.latent import decoded, settled
+from tactile import models
+from tactile.base.errors import InputError
+from tactile.datasets import series
+from tactile.learning.series_regressors import adapted, ridge_weights
+from tactile.learning.spec import Spec, of_series
 
 RECIPE = {"learning_rate": 5e-3, "epochs": 3, "drop_epoch": 2, "drop": 0.2, "clip": 1.0, "streams": 1, "batch": 1}
 BLOCKS = {

@@ -5,11 +5,11 @@ import pytest
 from builders.project import ROOT
 from torch import nn
 
-from pipeline import models
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.learning import per_element
-from pipeline.learning.spec import Spec
+from tactile import models
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.learning import per_element
+from tactile.learning.spec import Spec
 
 PAPER = Spec(8, 5, 5, 20, 20)
 SMALL = Spec(3, 2, 2, 4, 4)

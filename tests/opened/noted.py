@@ -60,7 +60,7 @@ def plain(value):
 
 def ignore_bookkeeping(replace: Callable) -> None:
     """To check settings, or to write them down, is not to read them; replace: `setattr`, or one that is undone."""
-    from pipeline.base import params
+    from tactile.base import params
 
     check_block, dumps = params.check_block, json.dumps
     replace(params, "check_block", lambda given, *others: check_block(plain(given), *others))
@@ -73,7 +73,7 @@ def main() -> None:
     several = any(word.startswith(("stages.", "studies.")) for word in sys.orig_argv)  # by `Project.stages`
     if not (command.startswith("pipeline.") or several) or command in BOOKKEEPERS:
         return
-    from pipeline.base import params
+    from tactile.base import params
 
     load, read = params.load, set()
     params.load = lambda *arguments: Noted(load(*arguments), read)

@@ -9,14 +9,14 @@ import pytest
 from builders import own_logs
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.experiments import touch
-from pipeline.logs import layout, parse
-from pipeline.own import settings as own_settings
-from pipeline.settings.shared import Layout
-from pipeline.targets import read as targets
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.experiments import touch
+from tactile.logs import layout, parse
+from tactile.own import settings as own_settings
+from tactile.settings.shared import Layout
+from tactile.targets import read as targets
 
 LONGEST_S = 5
 PAD = {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0, "order": []}

@@ -7,10 +7,10 @@ import pytest
 import yaml
 from builders.project import ROOT
 
-from pipeline import experiments
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.own import settings as own_settings
+from tactile import experiments
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.own import settings as own_settings
 
 VALUES = params.load(ROOT / "params.yaml")
 LISTS = ("protocols", "models")  # blocks that say what is run: whole, they are all of it

@@ -11,15 +11,15 @@ from builders import made_reports
 from builders.made_reports import MADE
 from builders.project import ROOT, indexed
 
-from pipeline.base.params_file import copied
-from pipeline.base.paths import Workspace
 from pipeline.claims import rules
-from pipeline.datasets import schemas
-from pipeline.drawing import common
-from pipeline.drawing.labels import model_name
 from pipeline.reporting import array
 from pipeline.reporting.report import Report
 from pipeline.results import kept, shards
+from tactile.base.params_file import copied
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
+from tactile.drawing import common
+from tactile.drawing.labels import model_name
 
 EXPERIMENT, FINER = "array_recorded", 1.1  # of a variant: its errors over those of the main table
 SETTINGS = made_reports.settings_of(EXPERIMENT)

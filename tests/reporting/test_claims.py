@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
 from pipeline.claims import entries, judge
 from pipeline.reporting import claims, texts
+from tactile.base import params
 
 COLUMNS = ["id", "kind", "data", "verdict", "ours"]
 CLAIMS = pd.DataFrame(

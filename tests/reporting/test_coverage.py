@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from pipeline.base import files
-from pipeline.drawing import coverage
+from tactile.base import files
+from tactile.drawing import coverage
 
 ROWS = [  # protocol, condition, model, output, case, bound, calibrated, width, share, reason
     ("press", "single", "constant", "force_n", "touch", 9.0, 20, 1.0, 0.90, ""),

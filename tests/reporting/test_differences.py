@@ -4,8 +4,8 @@ import re
 
 from builders.project import ROOT
 
-from pipeline.base import params, paths
 from pipeline.reporting import differences
+from tactile.base import params, paths
 
 MARK = "Differs from " + "paper:"
 VALUES = params.load(ROOT / "params.yaml")

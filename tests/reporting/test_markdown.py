@@ -7,8 +7,8 @@ from urllib.parse import urlsplit
 import pytest
 from builders import own_logs
 
-from pipeline.drawing import markdown
 from pipeline.reporting.page import hypertext
+from tactile.drawing import markdown
 
 NAMES = (*own_logs.NAMES, "``x`", "&amp;", "~~a~~ **b** __c__", "<script>alert(1)</script>", "a\\|b|", "$x$")
 

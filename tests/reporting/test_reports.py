@@ -17,18 +17,18 @@ from builders.made_reports import MADE
 from builders.project import ROOT
 from scipy.stats import t as student
 
-from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied
-from pipeline.base.paths import Workspace
 from pipeline.claims import entries, judge
-from pipeline.datasets import images, schemas
-from pipeline.drawing.labels import model_name
-from pipeline.experiments import facts
-from pipeline.own import report as own_sensor
 from pipeline.reporting.claims import short_row
 from pipeline.reporting.report import Report
 from pipeline.results import glove_results, one_table, published, shards
-from pipeline.scoring import estimates
+from tactile.base.errors import InputError
+from tactile.base.params_file import copied
+from tactile.base.paths import Workspace
+from tactile.datasets import images, schemas
+from tactile.drawing.labels import model_name
+from tactile.experiments import facts
+from tactile.own import report as own_sensor
+from tactile.scoring import estimates
 
 SPEED = {f"speed/{name}" for name in ("table2.csv", "table2.md", "tradeoff.png", "training.png")}
 OF_THE_PAGE = "answer.png"  # its first screen shows it, and the report does not
@@ -254,7 +254,7 @@ def test_numbers_of_glove(shown):
     assert [row[4] for row in rows if len(row) == 7] == [rows[0][4], "82.00"]  # by session, on random frames
     counted = [row for row in map(cells, text.splitlines()) if row[0].startswith("SP-ResNet (reduction")]
     assert [row[-2:] for row in counted] == [["30", "300"], ["", ""]]  # like with like only as trained
-    assert "1,824,033,792" in text and "for research only" in text and "pipeline/models/lomp.py" not in text
+    assert "1,824,033,792" in text and "for research only" in text and "tactile/models/lomp.py" not in text
 
     table = pd.read_csv(target / "accuracy" / "table1.csv").set_index(["protocol", "model", "metric"])
     assert table.loc[("session_strain", "sp_resnet", "macro_precision"), "mean"] == pytest.approx(0.83)
@@ -467,7 +467,7 @@ def test_velostat_without_recordings_says_why(workspace, monkeypatch):
 def test_render_needs_neither_torch_nor_scikit_learn(workspace):
     code = (
         "import sys, pipeline.stages.render, pipeline.stages.judge\n"
-        "heavy = {'torch', 'sklearn', 'mlflow', 'pipeline.learning.regressors', 'pipeline.models'}\n"
+        "heavy = {'torch', 'sklearn', 'mlflow', 'tactile.learning.regressors', 'tactile.models'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=workspace.root, capture_output=True, text=True, check=True)

@@ -9,10 +9,6 @@ import pytest
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from pipeline.base.errors import InputError
-from pipeline.base.files import sha256, write_table
-from pipeline.drawing import style
-from pipeline.drawing.labels import MACHINES
 from pipeline.reporting import speed as speed_report
 from pipeline.reporting.figures import speed as speed_figures
 from pipeline.reporting.page import charts
@@ -20,6 +16,10 @@ from pipeline.reporting.report import Report
 from pipeline.results import shards, times
 from pipeline.results.claim_inputs import COLUMNS
 from pipeline.results.one_table import Results
+from tactile.base.errors import InputError
+from tactile.base.files import sha256, write_table
+from tactile.drawing import style
+from tactile.drawing.labels import MACHINES
 
 
 def test_the_front_of_a_hand_made_example():

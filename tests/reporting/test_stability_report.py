@@ -9,13 +9,13 @@ import pytest
 from builders import stress_rows
 from builders.project import ROOT, run_stage
 
-from pipeline import experiments
-from pipeline.base import params
-from pipeline.drawing import labels
 from pipeline.reporting import stability
 from pipeline.reporting.figures import stability as figures
 from pipeline.results import shards
 from pipeline.stages import render_study
+from tactile import experiments
+from tactile.base import params
+from tactile.drawing import labels
 
 TESTS = {"noise": [0, 0.5, 1.0], "press_speed": [0, -2, -1, 1], "dead": [0, 6], "specimen": [0, 1, 2]}
 SLOPES = {"constant": 0.0, "lomp": 2.0, "cnn": 10.0, "linear": 1.0}

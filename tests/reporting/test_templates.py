@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from jinja2 import UndefinedError
 
-from pipeline.drawing import templates
 from pipeline.reporting.report import Report
-from pipeline.scoring.estimates import estimate
+from tactile.drawing import templates
+from tactile.scoring.estimates import estimate
 
 
 def test_a_template_is_filled(tmp_path):

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline import experiments
-from pipeline.base import files
-from pipeline.base.errors import InputError
 from pipeline.reporting import studies, tables
 from pipeline.stages import twins as twins_stage
+from tactile import experiments
+from tactile.base import files
+from tactile.base.errors import InputError
 
 
 def made(values: dict[tuple[str, str], list[float]], note: str = "") -> pd.DataFrame:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
 from pipeline.scenes import glove
+from tactile.base import params
 
 QUIET = {"session": False, "wander": False, "element_spread": False, "noise": False, "line_faults": False}
 

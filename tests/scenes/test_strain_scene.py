@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
 from pipeline.scenes import strain
+from tactile.base import params
 
 FINGER = {"stiffness_n_per_mm": 0.05, "normal_n_per_mm": 0.1, "static_friction": 1.2, "kinetic_friction": 0.7}
 STRANDS = 6

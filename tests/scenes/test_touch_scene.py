@@ -5,10 +5,10 @@ import pytest
 from builders.project import ROOT
 
 from pipeline import scenes
-from pipeline.base import params
-from pipeline.experiments import touch as experiment
 from pipeline.scenes import material, readout, touch, touch_contact, touch_motion
 from pipeline.scenes.faults import inject
+from tactile.base import params
+from tactile.experiments import touch as experiment
 
 
 @pytest.fixture

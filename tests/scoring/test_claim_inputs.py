@@ -6,9 +6,9 @@ import pyarrow as pa
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.datasets import labels, schemas
 from pipeline.results import claim_inputs, glove_results
+from tactile.base import params
+from tactile.datasets import labels, schemas
 
 TOUCH = params.load(ROOT / "params.yaml")["touch"]
 ROWS, COLS = TOUCH["label"]["map_rows"], TOUCH["label"]["map_cols"]

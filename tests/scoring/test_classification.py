@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.scoring import classification
+from tactile.scoring import classification
 
 
 def test_scores_against_scikit_learn():

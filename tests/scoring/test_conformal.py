@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.scoring import conformal
+from tactile.scoring import conformal
 
 
 @pytest.mark.parametrize("n", [9, 10, 19, 57])

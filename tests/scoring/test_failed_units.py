@@ -3,8 +3,8 @@
 import pytest
 from builders import made_reports
 
-from pipeline.base.paths import Workspace
-from pipeline.results import units
+from tactile.base.paths import Workspace
+from tactile.scoring import units
 
 
 @pytest.mark.parametrize("experiment", [name for name in made_reports.DATA if name.endswith("_recorded")])

@@ -6,11 +6,11 @@ import pyarrow as pa
 import pytest
 from builders import made_reports
 
-from pipeline import experiments
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
-from pipeline.experiments import array_recorded
 from pipeline.results import kept
+from tactile import experiments
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
+from tactile.experiments import array_recorded
 
 EXPERIMENT, PROTOCOL = "array_recorded", "fold_0"
 TESTED = {"one": 4 * kept.FRAMES + 3, "two": kept.FRAMES, "three": kept.FRAMES, "four_or_more": 2}  # of the test part

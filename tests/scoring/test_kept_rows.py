@@ -7,12 +7,12 @@ import pytest
 from builders import kept_scores, made_reports
 from builders.project import ROOT
 
-from pipeline import experiments, tasks
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas, series
 from pipeline.results import kept, shards
-from pipeline.scoring import classification
-from pipeline.scoring.estimates import read_predictions, read_windows
+from tactile import experiments, tasks
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas, series
+from tactile.scoring import classification
+from tactile.scoring.estimates import read_predictions, read_windows
 
 HERE = Workspace(ROOT)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.datasets import labels, series
-from pipeline.scoring import metrics
+from tactile.base import params
+from tactile.datasets import labels, series
+from tactile.scoring import metrics
 
 
 @pytest.fixture

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.base.errors import InputError
 from pipeline.results import shards
-from pipeline.scoring import estimates
+from tactile.base.errors import InputError
+from tactile.scoring import estimates
 
 RUNS = (3, 4, 5, 10, 24)  # of the evidence
 SIMULATED = 2000  # a coverage of 0.95 is then known to 0.005

@@ -5,9 +5,9 @@ import pytest
 from builders import made_evidence
 from builders.made_evidence import keep, scores
 
-from pipeline.base.paths import Workspace
-from pipeline.experiments import facts
 from pipeline.results import one_table, published, shards, shown
+from tactile.base.paths import Workspace
+from tactile.experiments import facts
 
 SETS = {
     "glove_frames": {

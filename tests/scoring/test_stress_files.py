@@ -4,11 +4,11 @@ import pandas as pd
 import pytest
 from builders import stress_rows
 
-from pipeline.base import files
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.results import shards
 from pipeline.stages import shard
+from tactile.base import files
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 PLACE = ("repetition", "all")
 

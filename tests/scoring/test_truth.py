@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline import experiments
-from pipeline.base import params
-from pipeline.datasets import labels, series
-from pipeline.scoring import classification, metrics
+from tactile import experiments
+from tactile.base import params
+from tactile.datasets import labels, series
+from tactile.scoring import classification, metrics
 
 VALUES = params.load(ROOT / "params.yaml")
 # A metric that is not here has no test: add the value that the truth must have.

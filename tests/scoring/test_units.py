@@ -9,12 +9,12 @@ import pyarrow as pa
 import pytest
 from builders.project import ROOT
 
-from pipeline import experiments
-from pipeline.base.facts import Facts
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
-from pipeline.results import shards, units
-from pipeline.scoring import metrics
+from pipeline.results import shards
+from tactile import experiments
+from tactile.base.facts import Facts
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
+from tactile.scoring import metrics, units
 
 COMPUTED = set(pd.read_csv(ROOT / "evidence" / "index.csv")["shard"].str.rsplit("-", n=2).str[0])
 SETS = {name: each for name, each in shards.read_sets(Workspace(ROOT)).items() if each.by_unit and not each.study}

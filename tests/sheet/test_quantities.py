@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from builders import pressed_sensors as made
 
-from pipeline.sheet import estimates, quantities
-from pipeline.sheet.cycles import Log, Sensor
+from tactile.sheet import estimates, quantities
+from tactile.sheet.cycles import Log, Sensor
 
 
 def lines(*, presses=40, peaks=(made.FULL_N,), ramp_s=1.0, hold_s=2.0, rest_s=2.0, hz=made.HZ, one_clock=True, **truth):

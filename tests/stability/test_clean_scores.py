@@ -2,9 +2,9 @@
 
 import pytest
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.stability import clean_scores
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 HEADER = "protocol,condition,model,seed,metric,unit,value,n"
 ROWS = ("press,001,linear,0,rmse,kPa,2.0,9", "press,001,linear,0,r2,1,,9")
@@ -21,7 +21,7 @@ def checker(folder, *rows):
 def test_a_row_that_is_missing_doubled_or_another_is_named(tmp_path):
     check = checker(tmp_path / "whole", *ROWS)
     check(RUN, [("rmse", "kPa", 2.0001, 9), ("r2", "1", float("nan"), 9)])
-    again = "run `python -m pipeline.stages.evaluate touch` again"
+    again = "run `python -m tactile.stages.evaluate touch` again"
     with pytest.raises(InputError, match=f"scores.csv: linear, press, seed 0 has rmse 2, but .* gives 2.1 .*; {again}"):
         check(RUN, [("rmse", "kPa", 2.1, 9)])
     with pytest.raises(InputError, match=f"no row for protocol press, .*, seed 1, metric rmse; {again}"):

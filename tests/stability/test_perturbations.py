@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline.base import stress_tests
-from pipeline.base.errors import InputError
-from pipeline.datasets.seeding import generator
-from pipeline.settings import stress
 from pipeline.stability import loop, perturbations
+from tactile.base import stress_tests
+from tactile.base.errors import InputError
+from tactile.datasets.seeding import generator
+from tactile.settings import stress
 
 ELEMENTS, FRAMES = 6, 8
 SETTINGS = {

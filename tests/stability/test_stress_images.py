@@ -8,18 +8,19 @@ import pyarrow as pa
 import pytest
 from builders.project import ROOT, miniature_settings, run_stage
 
-from pipeline import models
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.base.stress_tests import REGISTERED
-from pipeline.datasets import images, schemas
-from pipeline.experiments import glove, glove_recorded
 from pipeline.scenes import glove_stress
 from pipeline.stability import images as stress_images
 from pipeline.stability import loop
-from pipeline.stages import dataset, evaluate, ingest, simulate, train
-from pipeline.tasks import images as tasks_images
+from pipeline.stages import simulate
+from tactile import models
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.base.stress_tests import REGISTERED
+from tactile.datasets import images, schemas
+from tactile.experiments import glove, glove_recorded
+from tactile.stages import dataset, evaluate, ingest, train
+from tactile.tasks import images as tasks_images
 
 MODELS = {"constant": {}, "naive_bayes": {"smoothing": 1e-3}}
 
@@ -155,7 +156,7 @@ def test_images_of_other_frames_are_no_readings_to_train_on(workspace, project):
     other = data._replace(x=data.x[::-1])
     with pytest.raises(InputError, match="frames.parquet: its frames are not those of the images"):
         readings_of(workspace, project, other)
-    with pytest.raises(InputError, match="run `python -m pipeline.stages.dataset glove` again"):
+    with pytest.raises(InputError, match="run `python -m tactile.stages.dataset glove` again"):
         readings_of(workspace, project, data._replace(part=data.part[1:], x=data.x[1:]))
 
 

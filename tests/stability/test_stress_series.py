@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 from builders.project import ROOT, miniature_settings, run_stage
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.base.stress_tests import REGISTERED
-from pipeline.datasets import series
 from pipeline.scenes import strain, strain_stress
 from pipeline.stability import loop
 from pipeline.stability import series as stress_series
-from pipeline.stages import dataset, evaluate, ingest, simulate, train
+from pipeline.stages import simulate
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.base.stress_tests import REGISTERED
+from tactile.datasets import series
+from tactile.stages import dataset, evaluate, ingest, train
 
 SAMPLES, FIRST = 4000, 3500  # the test part is longer ago than WARM_UP from the start
 SEEN = {"span": np.array([1.0, 2.0]), "rest": np.array([0.5, 0.5]), "low": 5.0}

@@ -8,16 +8,17 @@ import pandas as pd
 import pytest
 from builders.project import ROOT, run_stage
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.base.stress_tests import REGISTERED, planned
-from pipeline.datasets import schemas
-from pipeline.datasets.seeding import generator
 from pipeline.scenes import touch, touch_stress
 from pipeline.stability import windows as stress_windows
-from pipeline.stages import dataset, evaluate, ingest, simulate, stress, train, window
-from pipeline.tasks import windows
+from pipeline.stages import simulate, stress
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.base.stress_tests import REGISTERED, planned
+from tactile.datasets import schemas
+from tactile.datasets.seeding import generator
+from tactile.stages import dataset, evaluate, ingest, train, window
+from tactile.tasks import windows
 
 PERTURBATIONS = {"noise": [0.01, 0.03], "dead": [2], "specimen": [1], "press_speed": [-1], "touches": [1, 2]}
 
@@ -140,7 +141,7 @@ def test_other_clean_scores_than_those_of_evaluate_are_refused(workspace, projec
     scores.to_csv(file, index=False)
     try:
         with pytest.raises(
-            InputError, match="linear, press, seed 0 has rmse .* run `python -m pipeline.stages.evaluate"
+            InputError, match="linear, press, seed 0 has rmse .* run `python -m tactile.stages.evaluate"
         ):
             stress.main(workspace)
     finally:

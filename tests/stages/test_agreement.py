@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import files, params
-from pipeline.base.paths import Workspace
 from pipeline.results import shards
 from pipeline.results.claim_inputs import COLUMNS
 from pipeline.stages import agreement
+from tactile.base import files, params
+from tactile.base.paths import Workspace
 
 
 def scores(values=(), models=("linear", "cnn"), experiment="touch", metric="rmse", protocol="press") -> pd.DataFrame:

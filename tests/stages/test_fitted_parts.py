@@ -15,18 +15,18 @@ import pyarrow.parquet
 import pytest
 from builders import made_reports
 
-from pipeline import experiments, models, tasks
-from pipeline.base import params, provenance
-from pipeline.base.paths import MODEL_ZERO, Workspace
-from pipeline.datasets import schemas, series
-from pipeline.experiments.glove_recorded import CELLS, JOINTS
-from pipeline.inference import calibration, channels, training
-from pipeline.inference.describer import Describer
-from pipeline.learning.spec import Spec
-from pipeline.learning.trained import Trained
-from pipeline.own.settings import YARDSTICKS
 from pipeline.stability import loop
-from pipeline.stages import train
+from tactile import experiments, models, tasks
+from tactile.base import params, provenance
+from tactile.base.paths import MODEL_ZERO, Workspace
+from tactile.datasets import schemas, series
+from tactile.experiments.glove_recorded import CELLS, JOINTS
+from tactile.inference import calibration, channels, training
+from tactile.inference.describer import Describer
+from tactile.learning.spec import Spec
+from tactile.learning.trained import Trained
+from tactile.own.settings import YARDSTICKS
+from tactile.stages import train
 
 RUNS = {"touch": ("press", 0), "strain": ("task_1", 0), "glove": ("session_combined", 0)}
 CLOSED = {"touch": ["constant", "linear", "tree"], "strain": ["constant", "ridge"], "glove": ["naive_bayes", "tree"]}

@@ -6,11 +6,13 @@ import pandas as pd
 import pytest
 from builders.project import ROOT, run_stage
 
-from pipeline import experiments
-from pipeline.base import params
 from pipeline.reporting import studies
-from pipeline.results import shards, units
-from pipeline.stages import collect, evaluate, latency, render, stress
+from pipeline.results import shards
+from pipeline.stages import collect, latency, render, stress
+from tactile import experiments
+from tactile.base import params
+from tactile.scoring import units
+from tactile.stages import evaluate
 
 RECORDED = ("velostat_recorded", "strain_recorded", "glove_recorded")
 REASON = "recordings not downloaded; run `tactile fetch`"

@@ -12,14 +12,15 @@ from builders import contact_frames, grasps, strain_workspaces
 from builders.project import ROOT, leaves, run_stage
 from opened.noted import Noted, ignore_bookkeeping
 
-from pipeline import experiments
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.commands import predict
-from pipeline.inference import recordings as logs
-from pipeline.logs import sources
-from pipeline.sheet import sources as sheets
-from pipeline.stages import agreement, dataset, evaluate, ingest, latency, stress, train, window
+from pipeline.stages import agreement, latency, stress
+from tactile import experiments
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.commands import predict
+from tactile.inference import recordings as logs
+from tactile.logs import sources
+from tactile.sheet import sources as sheets
+from tactile.stages import dataset, evaluate, ingest, train, window
 
 # A model in closed form of each, which every processor fits to the same digits but the last (RBF-Net is none: of six
 # k-means fits on another processor one ends 0.25 % off), and its protocols.

@@ -10,20 +10,20 @@ from builders.project import ROOT
 from opened.noted import Noted, ignore_bookkeeping
 from torch import nn
 
-from pipeline import models
-from pipeline.base import params, paths
-from pipeline.base.paths import Workspace
-from pipeline.datasets import images, schemas
-from pipeline.learning.image_classifier import ImageClassifier
-from pipeline.learning.regressors import TorchRegressor, zero_linear
-from pipeline.learning.trained import Fitted
-from pipeline.scoring import metrics
-from pipeline.settings.shards import Variant
-from pipeline.settings.training import AugmentedTraining, WindowTraining
 from pipeline.stability import changed_scene
-from pipeline.stages import train as train_stage
 from pipeline.studies import physics as physics_study
 from pipeline.studies import variants
+from tactile import models
+from tactile.base import params, paths
+from tactile.base.paths import Workspace
+from tactile.datasets import images, schemas
+from tactile.learning.image_classifier import ImageClassifier
+from tactile.learning.regressors import TorchRegressor, zero_linear
+from tactile.learning.trained import Fitted
+from tactile.scoring import metrics
+from tactile.settings.shards import Variant
+from tactile.settings.training import AugmentedTraining, WindowTraining
+from tactile.stages import train as train_stage
 
 EPOCHS, FRAMES, ELEMENTS, OUTPUTS = 5, 2, 3, 4
 PART = np.repeat(["train", "validation", "test"], [80, 20, 20])

@@ -8,14 +8,14 @@ import yaml
 from builders import kept_scores
 from builders.project import ROOT, in_this_process, miniature_settings
 
-from pipeline.base import files, params
-from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied
-from pipeline.base.paths import Workspace
 from pipeline.results import kept, shards, studies
 from pipeline.results.shards import Shard
-from pipeline.settings.shards import Variant
 from pipeline.stages import shard
+from tactile.base import files, params
+from tactile.base.errors import InputError
+from tactile.base.params_file import copied
+from tactile.base.paths import Workspace
+from tactile.settings.shards import Variant
 
 LATENT = ("drift", "latents")
 SETS = shards.read_sets(Workspace(ROOT))

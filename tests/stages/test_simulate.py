@@ -5,10 +5,10 @@ import copy
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.paths import Workspace
 from pipeline.scenes import touch
 from pipeline.stages import simulate
+from tactile.base import params
+from tactile.base.paths import Workspace
 
 
 @pytest.fixture

@@ -12,14 +12,14 @@ import pytest
 from builders.project import ROOT
 from builders.touch_logs import SETTINGS, lines, logs_of, presses, save
 
-from pipeline import experiments
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.datasets import schemas
-from pipeline.datasets.windowing import windows_of
-from pipeline.experiments import touch
-from pipeline.logs import alignment, sources
-from pipeline.stages import ingest
+from tactile import experiments
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.datasets import schemas
+from tactile.datasets.windowing import windows_of
+from tactile.experiments import touch
+from tactile.logs import alignment, sources
+from tactile.stages import ingest
 
 
 def run(workspace, settings=SETTINGS):

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.base.paths import Workspace
 from pipeline.stages import track
 from pipeline.tracking import mlflow_runs
+from tactile.base.paths import Workspace
 
 PARAMS = {"experiments": ["touch"]}
 FILES = (

@@ -6,14 +6,14 @@ import pytest
 import torch
 from builders.project import ROOT
 
-from pipeline import models
-from pipeline.base import params
-from pipeline.datasets import images, schemas
-from pipeline.learning import image_classifier
-from pipeline.learning.spec import of_images
 from pipeline.results import frame_sets
-from pipeline.scoring import classification
 from pipeline.studies import input_frames, joined_frames
+from tactile import models
+from tactile.base import params
+from tactile.datasets import images, schemas
+from tactile.learning import image_classifier
+from tactile.learning.spec import of_images
+from tactile.scoring import classification
 
 GROUP = np.repeat([4, 1, 7, 2], [5, 2, 9, 4])  # numbers of sessions
 TRAINING = {"learning_rate": 3e-3, "batch_size": 16, "epochs": 2}

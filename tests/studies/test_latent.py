@@ -3,8 +3,8 @@
 import numpy as np
 from builders.project import ROOT
 
-from pipeline.base import params
 from pipeline.studies import latent
+from tactile.base import params
 
 
 def test_truths_are_those_of_the_seeds_recording(workspace):

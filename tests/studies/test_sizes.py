@@ -7,17 +7,17 @@ import pandas as pd
 import pytest
 import torch
 
-from pipeline.base.errors import InputError
 from pipeline.claims import sizes as sizes_verdicts
 from pipeline.claims.sizes import Reference
-from pipeline.learning.residual_blocks import separable_network
-from pipeline.models import sp_resnet
 from pipeline.reporting import tables
 from pipeline.reporting.figures import sizes as sizes_figures
 from pipeline.results import shards, studies
 from pipeline.results.claim_inputs import FULL, KEY
 from pipeline.results.one_table import Results
-from pipeline.scoring.estimates import SHARE, estimate
+from tactile.base.errors import InputError
+from tactile.learning.residual_blocks import separable_network
+from tactile.models import sp_resnet
+from tactile.scoring.estimates import SHARE, estimate
 
 NAN = float("nan")
 

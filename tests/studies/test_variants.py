@@ -9,17 +9,17 @@ import pytest
 from builders.noted_series import noting
 from builders.project import ROOT, run_stage
 
-from pipeline import models
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied, set_values
-from pipeline.base.paths import Workspace
-from pipeline.datasets import schemas
-from pipeline.experiments import strain
 from pipeline.results import shards
-from pipeline.scoring import metrics
-from pipeline.settings.shards import Variant
 from pipeline.studies import variants
+from tactile import models
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.params_file import copied, set_values
+from tactile.base.paths import Workspace
+from tactile.datasets import schemas
+from tactile.experiments import strain
+from tactile.scoring import metrics
+from tactile.settings.shards import Variant
 
 SETS = {name: each for name, each in shards.read_sets(Workspace(ROOT)).items() if each.variants}
 FRAMES, ELEMENTS, CELLS = 8, 25, 400

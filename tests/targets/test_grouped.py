@@ -7,13 +7,13 @@ import pytest
 from builders import free_targets
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.learning.window_statistics import PENALTIES
-from pipeline.own import settings as own_settings
-from pipeline.sheet.estimates import Estimate, cannot_tell
-from pipeline.targets import features, models, read, validate
-from pipeline.targets.validate import CHOSEN, COVERAGE, RMSE
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.learning.window_statistics import PENALTIES
+from tactile.own import settings as own_settings
+from tactile.sheet.estimates import Estimate, cannot_tell
+from tactile.targets import features, models, read, validate
+from tactile.targets.validate import CHOSEN, COVERAGE, RMSE
 
 TREES = 5
 VALUES = params.load(ROOT / "params.yaml")

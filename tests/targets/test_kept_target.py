@@ -6,13 +6,13 @@ import pytest
 from builders.project import ROOT
 from sklearn.dummy import DummyRegressor
 
-from pipeline import experiments
-from pipeline.base import cards, params, provenance
-from pipeline.commands import targets
-from pipeline.settings.targets import Target
-from pipeline.targets import kept, models
-from pipeline.targets.models import Row
-from pipeline.targets.read import Data, Readings, Series
+from tactile import experiments
+from tactile.base import cards, params, provenance
+from tactile.commands import targets
+from tactile.settings.targets import Target
+from tactile.targets import kept, models
+from tactile.targets.models import Row
+from tactile.targets.read import Data, Readings, Series
 
 PEOPLE, PRESSES, HELD = ("anna", "ben", "cleo", "dora"), 20, 5  # readings of a press that count; as many do not
 MEANS = {"anna": 0.0, "ben": 4.0, "cleo": -3.0, "dora": 9.0}  # deg; the readings tell nothing of it

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from builders.project import miniature_settings
 
-from pipeline.base import params, workers
-from pipeline.base.errors import InputError
-from pipeline.datasets import series
 from pipeline.results import published
 from pipeline.stability import changed_scene
+from tactile.base import params, workers
+from tactile.base.errors import InputError
+from tactile.datasets import series
 from tools import calibrate
 
 

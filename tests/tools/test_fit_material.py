@@ -9,9 +9,9 @@ import pytest
 from builders.forces import press
 from builders.project import ROOT
 
-from pipeline.base import params
 from pipeline.scenes import material
 from pipeline.scenes.material import FITTED, log_resistance
+from tactile.base import params
 from tools import fit_material
 
 DT = 0.01

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
 from pipeline.twins import strain as twins
+from tactile.base import params
+from tactile.base.errors import InputError
 from tools import fit_strain
 
 

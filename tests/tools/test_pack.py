@@ -17,10 +17,10 @@ import pytest
 import yaml
 from builders.project import ROOT, Project
 
-from pipeline.base import files
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.results import one_table, shards
+from tactile.base import files
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 from tools import pack, unpack
 
 # What a borrowed machine has; of all else that is installed here it has nothing but what travels.

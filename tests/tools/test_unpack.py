@@ -14,10 +14,10 @@ import pyarrow.parquet as pq
 import pytest
 from builders.project import ROOT
 
-from pipeline.base.errors import InputError
-from pipeline.base.params_file import copied
-from pipeline.base.paths import Workspace
 from pipeline.results import kept, shards
+from tactile.base.errors import InputError
+from tactile.base.params_file import copied
+from tactile.base.paths import Workspace
 from tools import unpack
 
 SHARD, STUDY, VARIED = "strain-0-full", "input_frames_glove-0-full", "variants_glove-0-full"

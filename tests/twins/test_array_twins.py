@@ -6,9 +6,9 @@ import pytest
 from builders import array_contacts, contact_frames
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.sheet.cycles import Press
 from pipeline.twins import array_recorded as twins
+from tactile.base import params
+from tactile.sheet.cycles import Press
 
 PLACES = (-0.1, 0.1)  # of the scene below, in pitches from the middle of an element
 RECORDED = (41, 72), 4.8

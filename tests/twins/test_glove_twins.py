@@ -5,11 +5,11 @@ import pyarrow as pa
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.datasets import schemas
-from pipeline.experiments import glove as experiment
 from pipeline.scenes import glove as scene
 from pipeline.twins import glove
+from tactile.base import params
+from tactile.datasets import schemas
+from tactile.experiments import glove as experiment
 
 OBJECTS = [f"object{k:02d}" for k in range(glove.OBJECTS_PER_SET)]
 GRASPS = 4

@@ -6,10 +6,10 @@ import pyarrow as pa
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.datasets import schemas, series
-from pipeline.experiments import strain_recorded
 from pipeline.twins import strain as twins
+from tactile.base import params
+from tactile.datasets import schemas, series
+from tactile.experiments import strain_recorded
 
 SAMPLE_S, HELD, LIFTED = twins.SAMPLE_S, 7, 7
 

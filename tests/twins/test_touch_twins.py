@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from pipeline.base import params
 from pipeline.scenes import touch_contact
 from pipeline.twins import touch as twins
+from tactile.base import params
 
 STEP = 0.02
 REST, LOAD = 6.0, 3.0

@@ -1,3 +1,3 @@
 """Figures of the reports, which are files."""
 
-from pipeline.drawing import style as style  # first: it says what pyplot draws with
+from tactile.drawing import style as style  # first: it says what pyplot draws with

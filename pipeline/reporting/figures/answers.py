@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.drawing import style
+from tactile.drawing import style
 
 plt = style.plt
 FILE = "answer.png"  # in the accuracy folder of an experiment

@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.patches import Patch
 
-from pipeline.drawing import style
-from pipeline.drawing.common import legend_below
-from pipeline.drawing.labels import model_name
-from pipeline.drawing.style import model_style
 from pipeline.results.claim_inputs import HALF
-from pipeline.scoring import estimates
+from tactile.drawing import style
+from tactile.drawing.common import legend_below
+from tactile.drawing.labels import model_name
+from tactile.drawing.style import model_style
+from tactile.scoring import estimates
 
 COLOURS = (style.BLUE, style.VERMILION, style.BLACK)  # of groups of runs
 LEAST_SQUARE = 1e-6  # squared error on a logarithmic axis

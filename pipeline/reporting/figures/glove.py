@@ -7,9 +7,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
 
-from pipeline.datasets.images import HIGHEST, SIDE
-from pipeline.drawing import style
-from pipeline.drawing.labels import capitalised, task_name
+from tactile.datasets.images import HIGHEST, SIDE
+from tactile.drawing import style
+from tactile.drawing.labels import capitalised, task_name
 
 SHOWN_BENDS_S = 10  # of figure 9b, at either end
 

@@ -9,8 +9,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.patches import Rectangle
 
 from pipeline.claims.physics import CHANGES, EQUIVALENT, MARGIN
-from pipeline.drawing import style
-from pipeline.drawing.labels import effect_name, model_name, task_name
+from tactile.drawing import style
+from tactile.drawing.labels import effect_name, model_name, task_name
 
 FULL = 0.3  # change of the error at which the colour is full
 COLOURS = LinearSegmentedColormap.from_list("change", [style.BLUE, "white", style.VERMILION])

@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from pipeline.drawing import style
-from pipeline.drawing.labels import model_name
+from tactile.drawing import style
+from tactile.drawing.labels import model_name
 
 LOOKS = ((style.BLUE, "o"), (style.VERMILION, "s"), (style.GREEN, "D"))  # of conditions
 REACH = 5.0  # factor from 1; a ratio beyond it is an arrowhead at the edge with its number

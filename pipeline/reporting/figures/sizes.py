@@ -9,9 +9,9 @@ import pandas as pd
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, NullLocator
 
 from pipeline.claims.sizes import NAMES, SCALES, Reference, error_of, unit_of
-from pipeline.drawing import style
-from pipeline.drawing.labels import capitalised, model_name, task_name
 from pipeline.results.studies import FAMILIES
+from tactile.drawing import style
+from tactile.drawing.labels import capitalised, model_name, task_name
 
 LEAST = 0.6  # of the smallest error is where the axis ends: a longer interval runs out of the panel
 

@@ -13,10 +13,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from pipeline.drawing import style
-from pipeline.drawing.labels import FRONTS, MACHINES, SPREAD, TIMES
-from pipeline.drawing.style import model_style
 from pipeline.results.times import one_machine
+from tactile.drawing import style
+from tactile.drawing.labels import FRONTS, MACHINES, SPREAD, TIMES
+from tactile.drawing.style import model_style
 
 TOP = 0.97  # height of a failed model's mark, share of the axis
 REACH = 1.7  # times an error: so much of its interval is shown; that of few seeds may reach over decades

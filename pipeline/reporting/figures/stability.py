@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from pipeline.claims.stability import LOG
-from pipeline.drawing import style
-from pipeline.drawing.style import BLACK, GREY, model_style
+from tactile.drawing import style
+from tactile.drawing.style import BLACK, GREY, model_style
 
 COLUMNS = 4  # of panels at most
 DRAWN = 5  # models a panel at most: those with the least clean error

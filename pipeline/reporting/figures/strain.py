@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from pipeline.drawing import style
+from tactile.drawing import style
 
 DRIFT_S = 150.0
 COMPONENTS = 3  # of figure 7

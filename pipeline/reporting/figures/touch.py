@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 
-from pipeline.datasets import labels
-from pipeline.drawing import style
-from pipeline.drawing.labels import model_name
-from pipeline.drawing.style import MEASURED, model_style
 from pipeline.reporting.figures import curves
 from pipeline.results import kept
 from pipeline.scenes import material
+from tactile.datasets import labels
+from tactile.drawing import style
+from tactile.drawing.labels import model_name
+from tactile.drawing.style import MEASURED, model_style
 
 FILM_AREA_M2 = 1e-4  # the paper's 1 cm x 1 cm sample (section II-A)
 TOUCH_MODELS = ("lomp", "rnn", "cnn", "convlstm")  # of figure 6

@@ -6,8 +6,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from pipeline.drawing import style
-from pipeline.drawing.labels import statistic_name
+from tactile.drawing import style
+from tactile.drawing.labels import statistic_name
 
 FARTHEST = 1.5  # widths of the recorded range beyond its ends; what lies farther is an arrow there
 

@@ -12,14 +12,8 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment, StrictUndefined
 
-from pipeline.base import files
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.claims import entries, rules
 from pipeline.claims.rules import VERDICTS
-from pipeline.drawing.labels import capitalised, model_name
-from pipeline.drawing.markdown import interval, number
-from pipeline.experiments import facts
 from pipeline.reporting import claims as claim_text
 from pipeline.reporting import texts
 from pipeline.reporting.figures.ratios import Point
@@ -28,7 +22,13 @@ from pipeline.reporting.tables import Table
 from pipeline.results import published, shards, shown
 from pipeline.results.claim_inputs import FULL, LOOK
 from pipeline.results.one_table import Results
-from pipeline.scoring.estimates import LOG, SHARE, Estimate, estimate, scale_of
+from tactile.base import files
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.drawing.labels import capitalised, model_name
+from tactile.drawing.markdown import interval, number
+from tactile.experiments import facts
+from tactile.scoring.estimates import LOG, SHARE, Estimate, estimate, scale_of
 
 CHART = "answers.png"  # in reports/
 BLOCKS = {

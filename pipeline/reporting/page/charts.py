@@ -12,12 +12,12 @@ from math import isfinite
 import pandas as pd
 from matplotlib.markers import MarkerStyle
 
-from pipeline.drawing.labels import FRONTS, MACHINES, SPREAD, TIMES, model_name
-from pipeline.drawing.markdown import interval, number, size
-from pipeline.drawing.style import model_style
 from pipeline.reporting.speed import ESTIMATE
 from pipeline.results.times import one_machine
-from pipeline.scoring.estimates import Estimate
+from tactile.drawing.labels import FRONTS, MACHINES, SPREAD, TIMES, model_name
+from tactile.drawing.markdown import interval, number, size
+from tactile.drawing.style import model_style
+from tactile.scoring.estimates import Estimate
 
 PLACE = ("panel", "protocol", "condition", "model", "measure")
 COSTS = ("batch", "p50_ms", "p95_ms", "large_batch", "predictions_per_s", "train_s", "params", "macs", "size_bytes")

@@ -3,14 +3,14 @@
 import pandas as pd
 from markupsafe import Markup
 
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.claims import entries
 from pipeline.claims.rules import VERDICTS
-from pipeline.drawing.labels import split_name
 from pipeline.reporting import claims as claim_text
 from pipeline.reporting.page.hypertext import SIGNS, anchor, fill, markdown
-from pipeline.scoring.estimates import read_csv
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.drawing.labels import split_name
+from tactile.scoring.estimates import read_csv
 
 COLUMNS = ["id", "claim", "paper", "section", "data", "kind", "published", "ours", "low", "high", "verdict", "reason"]
 COLUMNS += ["unit", "measured", "protocol", "over", "seeds", "budget", "control", "control_value"]

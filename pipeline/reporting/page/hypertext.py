@@ -6,6 +6,7 @@ import struct
 from collections.abc import Mapping
 from functools import cache
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
@@ -13,12 +14,12 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from markupsafe import Markup, escape
 
-from pipeline.base import paths
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.claims.rules import BAD, BEYOND, CALIBRATED, GOOD, OUTSIDE, UNDECIDED
+from tactile.base import paths
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
-FOLDER = paths.CODE / "reporting" / "page"
+FOLDER = Path(__file__).parent
 # Verdict -> a class of page.css, and a sign for those who do not see colours.
 SIGNS = dict.fromkeys(GOOD, ("yes", "✓")) | dict.fromkeys(BAD, ("no", "✗")) | {UNDECIDED: ("unclear", "?")}
 SIGNS |= {OUTSIDE: ("open", "–"), CALIBRATED: ("open", "="), BEYOND: ("open", "+")}

@@ -2,11 +2,11 @@
 
 import pandas as pd
 
-from pipeline.base.paths import Workspace
-from pipeline.drawing.labels import experiment_name, model_name
 from pipeline.reporting import texts
 from pipeline.results import shards, shown
 from pipeline.results.one_table import Results
+from tactile.base.paths import Workspace
+from tactile.drawing.labels import experiment_name, model_name
 
 FILE = "shards.md"  # in reports/
 

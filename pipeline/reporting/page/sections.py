@@ -13,14 +13,8 @@ import pandas as pd
 import yaml
 from markupsafe import Markup
 
-from pipeline.base import files, paths
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
-from pipeline.base.provenance import version as installed
 from pipeline.claims import entries, stability
 from pipeline.claims.rules import BAND
-from pipeline.drawing.labels import condition_name, experiment_name, plain, task_name
-from pipeline.experiments import facts
 from pipeline.reporting.figures import ratios
 from pipeline.reporting.figures.answers import FILE as FIRST_PICTURE
 from pipeline.reporting.page import answers, charts, claims, origins
@@ -28,7 +22,13 @@ from pipeline.reporting.page.hypertext import FOLDER, check_references, figure, 
 from pipeline.reporting.stability import FINDINGS, by_test, intervals, stability_table
 from pipeline.reporting.tables import Table
 from pipeline.results import one_table, shards
-from pipeline.scoring.estimates import read_csv
+from tactile.base import files, paths
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
+from tactile.base.provenance import version as installed
+from tactile.drawing.labels import condition_name, experiment_name, plain, task_name
+from tactile.experiments import facts
+from tactile.scoring.estimates import read_csv
 
 HEADING = "Soft tactile sensing, reproduced"
 CONTENTS = {"#answers": "Answers", "#findings": "Findings", "#compared": "Our errors over the published ones"}

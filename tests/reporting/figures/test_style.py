@@ -5,8 +5,8 @@ import pytest
 from builders import own_logs
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.drawing import style
+from tactile.base import params
+from tactile.drawing import style
 
 VALUES = params.load(ROOT / "params.yaml")
 

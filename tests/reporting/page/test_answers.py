@@ -6,13 +6,13 @@ import yaml
 from builders import made_array, made_evidence
 from builders.project import ROOT
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
-from pipeline.base.paths import Workspace
 from pipeline.reporting.page import answers, claims, origins
 from pipeline.reporting.page.hypertext import FOLDER
 from pipeline.results import one_table, shown
 from pipeline.results.claim_inputs import COLUMNS, FULL, LOOK
+from tactile.base import params
+from tactile.base.errors import InputError
+from tactile.base.paths import Workspace
 
 CONTENT = yaml.safe_load((FOLDER / "content.yaml").read_text(encoding="utf-8"))
 VALUES = params.load(Workspace(ROOT).params)

@@ -15,14 +15,14 @@ import pytest
 from builders.project import ROOT
 from PIL import Image
 
-from pipeline.base import params
-from pipeline.base.errors import InputError
 from pipeline.claims import rules
 from pipeline.claims.stability import FAILURES
 from pipeline.reporting.figures.answers import FILE as FIRST_PICTURE
 from pipeline.reporting.page import hypertext, sections
 from pipeline.results import one_table
 from pipeline.stages import page
+from tactile.base import params
+from tactile.base.errors import InputError
 
 ABSENT = "glove_recorded"
 AXE = Path(axe_core_python.__file__).with_name("axe.min.js")

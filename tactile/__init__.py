@@ -1,0 +1,1 @@
+"""Three papers on soft tactile sensing, reproduced from raw serial logs to tables."""
