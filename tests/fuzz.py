@@ -547,7 +547,8 @@ def _late(*_) -> None:
 def where(error: BaseException) -> str:
     """Return the type of an error and the last line of this project that it passed."""
     frames = traceback.extract_tb(error.__traceback__)
-    frame = [each for each in frames if "/pipeline/" in each.filename or each.filename == __file__][-1:] or frames[-1:]
+    ours = re.compile("/(pipeline|tactile)/")
+    frame = [each for each in frames if ours.search(each.filename) or each.filename == __file__][-1:] or frames[-1:]
     return f"{type(error).__name__} at {Path(frame[0].filename).name}:{frame[0].lineno} ({str(error)[:100]!a})"
 
 

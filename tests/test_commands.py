@@ -17,10 +17,11 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from builders.project import ROOT
+from builders.project import CODE, ROOT
 from dvc.repo import Repo
 
 from tactile.base import arguments, params
+from tactile.base.imports import HOUSES
 from tactile.base.paths import Workspace
 from tactile.commands import command_line
 from tactile.commands.command_line import COMMANDS
@@ -28,12 +29,12 @@ from tactile.commands.command_line import COMMANDS
 VALUES = params.load(ROOT / "params.yaml")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 TOOLS = sorted((ROOT / "tools").glob("[a-z]*.py"))
-CODE = sorted((ROOT / "pipeline").rglob("*.py")) + TOOLS
+TEXTS = [*CODE, *TOOLS]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 DOCUMENTS += [*sorted((ROOT / "data").rglob("README.md")), *sorted((ROOT / "reports").rglob("*.md"))]
 # A command ends with its line, its quotes, a comment behind it, or where the next one starts.
 END = r"(?=[`\"\n#;,)]|\s\s|\.\s|\.$| && | again| says | first| with |$)"
-MODULE = re.compile(r"python -m (?P<name>(?:pipeline|tools)\.[\w.{}<>]*[\w}>])(?P<arguments>.*?)" + END)
+MODULE = re.compile(r"python -m (?P<name>(?:pipeline|tactile|tools)\.[\w.{}<>]*[\w}>])(?P<arguments>.*?)" + END)
 # `tactile` is an adjective, too: as a command it stands in backticks, or in a document at the start of a line.
 TACTILE = re.compile(r"`tactile(?P<arguments> .*?)" + END)
 TACTILE_LINE = re.compile(r"^ *tactile(?P<arguments> .*?)" + END, re.MULTILINE)
@@ -42,9 +43,9 @@ OPEN = re.compile(r"[{<].*|[A-Z_]+")  # a word that stands for others: {experime
 RUN = 'if __name__ == "__main__":'
 PEOPLE = "tactile.commands.command_line"  # what `tactile` starts
 STAGES = sorted(
-    f"pipeline.{room}.{path.stem}"
-    for room in ("stages", "studies")
-    for path in (ROOT / "pipeline" / room).glob("*.py")
+    f"{room.replace('/', '.')}.{path.stem}"
+    for room in ("pipeline/stages", "pipeline/studies", "tactile/stages")
+    for path in (ROOT / room).glob("*.py")
     if RUN in path.read_text()
 )
 BY_HAND = [f"tools.{path.stem}" for path in TOOLS if RUN in path.read_text()]
@@ -198,7 +199,7 @@ def wrong_commands(text: str, documented: bool, lines: bool = True) -> Iterator[
 def test_every_command_can_be_given():
     wrong = [
         f"{path.relative_to(ROOT)}: {line}"
-        for path in CODE + DOCUMENTS
+        for path in TEXTS + DOCUMENTS
         for text, documented in texts(path)
         for line in wrong_commands(text, documented, path.suffix == ".md")
     ]
@@ -222,10 +223,14 @@ def test_every_stage_and_command_has_help(call, capsys):
 def test_the_installed_command_is_that_of_the_room():
     module, _, function = PROJECT["scripts"]["tactile"].partition(":")
     assert (module, function) == (PEOPLE, "main") and list(PROJECT["scripts"]) == ["tactile"]
-    modules = {path.stem for path in (ROOT / "pipeline" / "commands").glob("[a-z]*.py")} - {"command_line"}
-    assert set(COMMANDS.values()) == modules
+    modules = {
+        f"{house}.commands.{path.stem}" for house in HOUSES for path in (ROOT / house / "commands").glob("[a-z]*.py")
+    }
+    assert set(COMMANDS.values()) == modules - {PEOPLE}
     renamed = {"try": "quick_look", "import": "import_logs", "map": "map_elements"}  # words of Python itself
-    assert all(module == renamed.get(name, name.replace("-", "_")) for name, module in COMMANDS.items())
+    assert all(
+        module.rpartition(".")[2] == renamed.get(name, name.replace("-", "_")) for name, module in COMMANDS.items()
+    )
 
 
 @pytest.mark.parametrize("words", [[], ["--help"]])

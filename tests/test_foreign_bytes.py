@@ -4,9 +4,8 @@ import ast
 from collections.abc import Iterator
 
 import pytest
-from builders.project import ROOT
+from builders.project import CODE, ROOT
 
-CODE = sorted((ROOT / "pipeline").rglob("*.py"))
 DOOR = "tactile.base.foreign"
 READERS = set(
     "json.load json.loads yaml.safe_load yaml.safe_load_all ruamel.yaml.YAML tomllib.load tomllib.loads".split()

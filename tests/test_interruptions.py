@@ -23,7 +23,7 @@ import importlib, json, os, resource, sys
 from tactile.base import arguments
 import torch, pyarrow.csv, pyarrow.parquet, scipy.stats, sklearn.tree, tqdm
 jobs = json.loads(sys.argv[1])
-modules = {stage: importlib.import_module(f"pipeline.{stage}") for _, stage, *_ in jobs}
+modules = {stage: importlib.import_module(stage) for _, stage, *_ in jobs}
 for number, (limit, stage, *given) in enumerate(jobs):
     heard, said = os.pipe()  # a file's size is limited, a pipe's is not
     child = os.fork()
@@ -40,15 +40,15 @@ for number, (limit, stage, *given) in enumerate(jobs):
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 STAGES = {
-    "simulate@glove": ["stages.simulate", "glove"],
-    "ingest@glove": ["stages.ingest", "glove"],
-    "dataset@glove": ["stages.dataset", "glove"],
-    "train@glove": ["stages.train", "glove"],
-    "window@touch": ["stages.window", "touch"],
-    "dataset@touch": ["stages.dataset", "touch"],
-    "train@touch": ["stages.train", "touch"],
-    "evaluate@touch": ["stages.evaluate", "touch"],
-    "collect": ["stages.collect"],
+    "simulate@glove": ["pipeline.stages.simulate", "glove"],
+    "ingest@glove": ["tactile.stages.ingest", "glove"],
+    "dataset@glove": ["tactile.stages.dataset", "glove"],
+    "train@glove": ["tactile.stages.train", "glove"],
+    "window@touch": ["tactile.stages.window", "touch"],
+    "dataset@touch": ["tactile.stages.dataset", "touch"],
+    "train@touch": ["tactile.stages.train", "touch"],
+    "evaluate@touch": ["tactile.stages.evaluate", "touch"],
+    "collect": ["pipeline.stages.collect"],
 }
 
 
@@ -66,7 +66,7 @@ def outputs(project, stage: str) -> dict[str, bytes]:
 def test_a_full_disk_is_one_sentence_and_leaves_the_old_files_or_none(miniature, tmp_path):
     project = copy_project(miniature, tmp_path)
     project.environment["PYTHONDONTWRITEBYTECODE"] = "1"  # Python takes half a file of bytecode for whole
-    with open(project.folder / "pipeline" / "stages" / "train.py", "a") as code:
+    with open(project.folder / "tactile" / "stages" / "train.py", "a") as code:
         code.write("# changed: without this nothing would be trained\n")
     before = {stage: outputs(project, stage) for stage in STAGES}
     # The first write fails, or the largest file at its last tenth.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from builders.project import ROOT
+from builders.project import CODE
 from opened.sitecustomize import NATIVE
 
 # Python's own files are imported (test_architecture.py), settings are watched by their keys, and what stages write is
@@ -107,7 +107,7 @@ def test_what_a_stage_opens_is_noted(miniature, stage):
 def test_nothing_else_opens_files_behind_pythons_back():
     """Compiled readers that the pipeline uses are those in NATIVE."""
     wrapped = {name for functions in NATIVE.values() for name in functions}
-    for path in (ROOT / "pipeline").rglob("*.py"):
+    for path in CODE:
         source = path.read_text()
         used = set(re.findall(r"\b(?:parquet|pq)\.(\w+)\(", source))
         for names in re.findall(r"from (?:safetensors|pyarrow)\.\w+ import ([^\n]+)", source):

@@ -113,12 +113,11 @@ def test_a_command_works_in_any_folder(tactile, empty, words):
 def test_what_an_extra_or_a_checkout_has_is_named(tactile, empty):
     absent = "error: {} is not installed; run `pip install 'tactile-reproduction[{}]'`\n".format
     for words, sentence in (
-        ("track", absent("mlflow", "reproduction")),
+        ("track", "error: there is no command 'track'; known: "),
         ("export touch/lomp_stream as_onnx --onnx", absent("torch", "train")),
-        ("evidence", "error: evidence/shards.yaml: not found; run `git checkout evidence/shards.yaml` in a checkout"),
     ):
         done = subprocess.run([tactile, *words.split()], cwd=empty, env=environment(), capture_output=True, text=True)
-        assert done.returncode == 1 and done.stderr.startswith(sentence), (words, done.stderr)
+        assert done.returncode in (1, 2) and done.stderr.startswith(sentence), (words, done.stderr)
 
 
 def test_a_replay_is_shown_live(tactile, empty):

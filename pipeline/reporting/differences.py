@@ -28,12 +28,8 @@ def of_experiment(experiment: str, settings: Mapping) -> list[tuple[str, str]]:
 
 def written_for(experiment: str) -> list[str]:
     """Return the files that write an experiment's simulated logs, draw its laws, or say what the paper leaves open."""
-    names = [
-        f"pipeline/scenes/{experiment}.py",
-        f"pipeline/scenes/{experiment}_*.py",
-        f"pipeline/reporting/{experiment}.py",
-    ]
-    found = [path for name in names for path in paths.CODE.parent.glob(name)]
+    names = f"scenes/{experiment}.py", f"scenes/{experiment}_*.py", f"reporting/{experiment}.py"
+    found = [path for name in names for path in paths.CODE.parent.glob(f"pipeline/{name}")]
     return [path.relative_to(paths.CODE.parent).with_suffix("").as_posix() for path in found]
 
 
@@ -59,5 +55,5 @@ def read(folder: Path, names: Iterable[str]) -> list[tuple[str, str]]:
                     break
                 text.append(following.lstrip("# "))
             joined = re.split(r'"""| Raises ', " ".join(text))[0].strip()
-            differences.append((path.relative_to(folder.parent).as_posix(), joined))
+            differences.append((path.relative_to(folder).as_posix(), joined))
     return differences

@@ -132,7 +132,8 @@ def main() -> None:
     if not name.startswith("-") and name not in COMMANDS:
         from tactile.base.params import hint  # here: it takes longer than all else of the help
 
-        print(f"error: there is no command '{name}'; {hint(name, COMMANDS)}", file=sys.stderr)
+        further = "" if GROUPS.keys() - TOOL.keys() else "; a checkout of the reproduction has more"
+        print(f"error: there is no command '{name}'; {hint(name, COMMANDS)}{further}", file=sys.stderr)
         sys.exit(2)
     if odd := next((word for word in words if "\0" in word), None):
         print(f"error: {ascii(odd)}: no name of a file or folder has a NUL character; give another", file=sys.stderr)

@@ -30,7 +30,7 @@ from tactile.sheet.quantities import Sheet
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add sources and what is written to the parser of this command."""
-    parser.add_argument("source", nargs="+", metavar="SOURCE", help="such as data/own/finger, or velostat_recorded")
+    parser.add_argument("source", nargs="+", metavar="SOURCE", help="such as data/own/finger, or touch")
     parser.add_argument("--json", action="store_true", help="numbers in full precision in place of Markdown")
     parser.add_argument("--figure", type=Path, metavar="FILE", help="also draw loading curve, rest and a press (PNG)")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="write README.md, sheet.json and sheet.png there")

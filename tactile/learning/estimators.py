@@ -141,7 +141,7 @@ def read(folder: Path, trusted: Sequence[str]) -> "BaseEstimator":
     path = existing(Path(folder) / ESTIMATOR_FILE)
     with foreign.reading(path, "a model of this kind", AGAIN):
         structure.check_file(path, trusted)
-        estimator = skops.io.load(path, trusted=list(trusted))
+        estimator = skops.io.loads(structure.content(path), trusted=list(trusted))
         structure.check_estimator(estimator)
     return estimator
 

@@ -4,6 +4,7 @@ skops runs no code of a file, but believes its numbers, and so does scikit-learn
 their indices, in memory, without a look at them. A crafted file could so end the process, or keep it busy for ever.
 """
 
+import io
 import json
 import zipfile
 from collections import Counter
@@ -14,6 +15,8 @@ from typing import Any
 import numpy as np
 
 SCHEMA = "schema.json"  # of the archive: the types, and which file has each array
+FORMER = b'"__module__": "pipeline.'  # what a class of this package was named below, up to version 0.2.0
+TODAY = b'"__module__": "tactile.'
 SMALL = 16 << 20  # bytes unpacked that any file may come to
 RATIO = 200  # times its own size that a file may come to unpacked; models come to 10 times
 ESTIMATORS = (
@@ -60,6 +63,20 @@ def check_file(path: Path, trusted: Collection[str]) -> None:
             raise ValueError(f"holds a {kind}, which no such model is made of")
 
 
+def content(path: Path) -> bytes:
+    """Return an archive that `check_file` has passed; classes with the names of 0.2.0 have those of today."""
+    with zipfile.ZipFile(path) as archive:
+        if FORMER not in archive.read(SCHEMA):
+            return path.read_bytes()
+        renamed = io.BytesIO()
+        with zipfile.ZipFile(renamed, "w") as target:
+            for name in archive.namelist():
+                target.writestr(
+                    name, archive.read(name).replace(FORMER, TODAY) if name == SCHEMA else archive.read(name)
+                )
+    return renamed.getvalue()
+
+
 def types(path: Path) -> dict[str, int]:
     """Return how many objects of each type an archive of skops asks for, none of which is made; errors as zipfile's."""
     nodes, _ = _nodes(path)
@@ -72,7 +89,7 @@ def _nodes(path: Path) -> tuple[list[dict], dict[str, int]]:
         sizes = {member.filename: member.file_size for member in archive.infolist()}
         if sizes.get(SCHEMA, 0) > max(SMALL, RATIO * path.stat().st_size):
             raise ValueError(f"its list of types has {sizes[SCHEMA]} bytes")
-        todo, found = [json.loads(archive.read(SCHEMA))], []
+        todo, found = [json.loads(archive.read(SCHEMA).replace(FORMER, TODAY))], []
     while todo:
         node = todo.pop()
         if isinstance(node, dict):

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from builders.project import CODE, ROOT
 
 from tactile.base import files
 from tactile.base.errors import InputError, storage_error
-from tactile.base.paths import CODE
 
 
 def test_a_file_keeps_its_old_content_until_the_new_is_whole(tmp_path):
@@ -225,6 +225,6 @@ def test_no_folder_outside_its_room_is_removed(name, tmp_path):
 
 def test_folders_are_removed_in_known_places():
     """That of files.remove_folder, and those of folders that their module has made."""
-    calls = {path.relative_to(CODE).as_posix(): path.read_text().count("rmtree(") for path in CODE.rglob("*.py")}
-    known = {"base/files.py": 1, "commands/own.py": 1, "tracking/mlflow_runs.py": 1}
+    calls = {path.relative_to(ROOT).as_posix(): path.read_text().count("rmtree(") for path in CODE}
+    known = {"tactile/base/files.py": 1, "tactile/commands/own.py": 1, "pipeline/tracking/mlflow_runs.py": 1}
     assert {file: count for file, count in calls.items() if count} == known

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from builders.project import ROOT
+from builders.project import CODE, ROOT
 
 from tactile.base import params
 from tactile.base.errors import InputError
@@ -314,7 +314,7 @@ def test_what_two_readers_could_take_differently_is_refused(text, words, tmp_pat
 
 def test_params_yaml_is_read_in_main_alone():
     """A function that a stage hands to its workers must get its settings from the stage."""
-    for path in sorted((ROOT / "pipeline").rglob("*.py")):
+    for path in CODE:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.FunctionDef) and node.name != "main":
                 calls = [ast.unparse(call.func) for call in ast.walk(node) if isinstance(call, ast.Call)]

@@ -22,9 +22,9 @@ class Stopped(Exception):
 @pytest.fixture
 def values(workspace, tmp_path, monkeypatch):
     """params.yaml with three runs of MODELS for touch, in a copy of the code, without any data but a stand-in."""
-    monkeypatch.setattr(paths, "CODE", tmp_path / "pipeline")
+    monkeypatch.setattr(paths, "CODE", tmp_path / "tactile")
     monkeypatch.setenv("WORKERS", "1")
-    code = ROOT / "pipeline", tmp_path / "pipeline"
+    code = ROOT / "tactile", tmp_path / "tactile"
     shutil.copytree(*code, ignore=shutil.ignore_patterns("__pycache__"), copy_function=os.symlink)
     for experiment in ("touch", "strain"):
         files.write_text(workspace.dataset(experiment), "data")

@@ -28,6 +28,7 @@ from tactile.base.paths import Workspace
 from tactile.base.processes import ONE_THREAD
 
 ROOT = Path(__file__).resolve().parents[2]
+CODE = sorted(path for house in HOUSES for path in (ROOT / house).rglob("*.py"))
 COMMAND_LINE = "tactile.commands.command_line"
 SLOW_FIXTURES = {"miniature", "tab"}  # the whole pipeline, a browser
 PARTS = ("data/README.md", "data/own/README.md", "data/sources/velostat_recorded/README.md")
@@ -248,7 +249,7 @@ def run_studies(project: Project) -> None:
     for seed in (0, 1):
         asked = [place for place in sorted(computed) if seed < sets[computed[place]].seeds]
         asked = [(study, one) for study, one in asked if study == "latency" or why_not_run(workspace, one) is None]
-        project.stages(*(f"studies.{study} {experiment} {seed}" for study, experiment in asked))
+        project.stages(*(f"pipeline.studies.{study} {experiment} {seed}" for study, experiment in asked))
         for experiment in ("touch", "strain", "glove"):
             for table in workspace.study_result(experiment, "any").parent.glob("*.csv"):
                 name = f"{computed.get((table.stem, experiment), f'{table.stem}_{experiment}')}-{seed}-full"
@@ -262,7 +263,7 @@ def run_studies(project: Project) -> None:
     for name in SETS:
         of_look = workspace.stress(sets[name].experiment)
         tried = of_look.read_bytes()
-        project.stages(f"stages.stress {sets[name].experiment}")
+        project.stages(f"pipeline.stages.stress {sets[name].experiment}")
         shard.write(workspace, workspace, shards.Shard(name, 0, FULL), sets[name], values, 1.0)
         of_look.write_bytes(tried)
 

@@ -28,7 +28,7 @@ def test_a_command_has_a_usage_line_to_type_and_examples_that_its_parser_takes(n
     (commands,) = (action for action in parser._actions if getattr(action, "choices", None))
     command = commands.choices[name]
     assert command.format_usage().startswith(f"usage: tactile {name} [-h]")
-    text = ast.get_docstring(ast.parse((ROOT / "pipeline" / "commands" / f"{COMMANDS[name]}.py").read_text()))
+    text = ast.get_docstring(ast.parse((ROOT / f"{COMMANDS[name].replace('.', '/')}.py").read_text()))
     assert command.description == text
     examples = EXAMPLES.search(text)
     assert examples, f"{name}: the docstring does not end with examples"

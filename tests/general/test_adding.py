@@ -36,9 +36,11 @@ from tactile.experiments.touch import (  # all that `experiments` asks for
 FACTS = replace(touch.FACTS, label="Pads", log=None, paper=None, twin=None)
 '''
 ROW = '    pads: Touch = Field(description="Presses on pads")\n'
-STRESSED = ("simulate", "ingest", "dataset", "train", "evaluate", "stress")
+SIMULATE, STRESS, LATENCY = (f"pipeline.stages.{name}" for name in ("simulate", "stress", "latency"))
+INGEST, WINDOW, *FITTED = (f"tactile.stages.{name}" for name in ("ingest", "window", "dataset", "train", "evaluate"))
+STRESSED = (SIMULATE, INGEST, *FITTED, STRESS)
 MINIATURE = yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text())
-STAGES = ("simulate", "ingest", "window", "dataset", "train", "evaluate", "latency")
+STAGES = (SIMULATE, INGEST, WINDOW, *FITTED, "pipeline.stages.keep", LATENCY)
 
 
 def added(project: Project, *words: str) -> None:
@@ -78,7 +80,7 @@ def test_a_model_of_two_files_is_trained_and_in_the_report(tmp_path):
     few = {"touch.simulate.specimens": 1, "touch.protocols.press.seeds": [0]}
     models = {"constant": {}, "linear": {}, "whole_ridge": {"ridge": 1.0}}
     project.set(MINIATURE | {"touch.models": models} | few)
-    project.stages(*(f"stages.{stage} touch" for stage in STAGES), "stages.render touch look")
+    project.stages(*(f"{stage} touch" for stage in STAGES), "pipeline.stages.render touch look")
     report = project.folder / "reports" / "look" / "touch"
     table = pd.read_csv(report / "accuracy" / "table1.csv")
     own, linear = (table[table["model"] == model] for model in ("whole_ridge", "linear"))
@@ -105,7 +107,7 @@ def test_an_experiment_of_a_module_a_file_of_settings_and_a_row_is_in_the_report
     (project.folder / "params" / "pads.yaml").write_text(yaml.safe_dump({"pads": block}))
     known = yaml.safe_load((project.folder / "params.yaml").read_text())["experiments"]
     project.set({"experiments": [*known, "pads"]})
-    project.stages(*(f"stages.{stage} pads" for stage in STAGES if stage != "simulate"), "stages.render pads look")
+    project.stages(*(f"{stage} pads" for stage in STAGES[1:]), "pipeline.stages.render pads look")
     report = project.folder / "reports" / "look" / "pads" / "accuracy"
     scores = pd.read_csv(report / "scores.csv")
     rmse = scores[(scores["metric"] == "rmse") & (scores["condition"] == "single")].set_index("model")["value"]
@@ -148,11 +150,11 @@ def test_a_stress_test_of_one_function_is_in_the_table_and_in_the_report(tmp_pat
     models = {"constant": {}, "ridge": {"ridge": 1.0}}
     few = {"strain.protocols": {"task_1": {"seeds": [0]}, "task_0": {"seeds": [0]}}, "strain.models": models}
     project.set(MINIATURE | {"experiments": ["strain"], "stress.strain": asked} | few)
-    project.stages(*(f"stages.{stage} strain" for stage in STRESSED))
+    project.stages(*(f"{stage} strain" for stage in STRESSED))
     table = pd.read_csv(project.folder / "data" / "strain" / "stress.csv")
     main = table[table["metric"] == "error"].assign(variant="", budget="")
     stress_rows.keep(Workspace(project.folder), "strain-0-full", main.reindex(columns=shards.STRESS))
-    project.stages("stages.render_study stability")
+    project.stages("pipeline.stages.render_study stability")
     error = table[table["metric"] == "error"].set_index(["model", "perturbation", "severity"])["value"].sort_index()
     assert list(error["ridge", "sagging_supply"].index) == [0, 0.1, 0.5]
     clean, some, more = error["ridge", "sagging_supply"]

@@ -156,9 +156,9 @@ def test_a_twin_computes_each_of_its_statistics_once_a_recording(name, workspace
 
 
 RUNNABLE = [
-    f"pipeline.{room}.{path.stem}"
-    for room in ("stages", "studies")
-    for path in sorted((paths.CODE / room).glob("*.py"))
+    f"{room.replace('/', '.')}.{path.stem}"
+    for room in ("pipeline/stages", "pipeline/studies", "tactile/stages")
+    for path in sorted((ROOT / room).glob("*.py"))
     if "\ndef main(" in path.read_text(encoding="utf-8")
 ]
 

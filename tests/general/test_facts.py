@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from builders.project import ROOT
+from builders.project import CODE, ROOT
 
 from tactile import experiments
 from tactile.base import params
@@ -16,7 +16,7 @@ from tactile.own import settings as own_settings
 
 VALUES = params.load(ROOT / "params.yaml")
 NAMES = set(experiments.NAMES)
-CODE = {path: path.read_text(encoding="utf-8") for path in sorted((ROOT / "pipeline").rglob("*.py"))}
+TEXTS = {path: path.read_text(encoding="utf-8") for path in CODE}
 COMPARED, NAMED = 4, 40  # lines
 
 
@@ -54,7 +54,7 @@ def found(search) -> list[str]:
     """What a search finds in the code outside the room of experiments."""
     return [
         f"{path.relative_to(ROOT)}, line {line}"
-        for path, text in CODE.items()
+        for path, text in TEXTS.items()
         if path.parent.name != "experiments"
         for line in search(ast.parse(text))
     ]
@@ -73,7 +73,7 @@ def test_few_lines_compare_an_experiment_with_a_name():
 def test_few_lines_name_a_recorded_experiment_outside_its_own_files():
     lines = [
         f"{path.relative_to(ROOT)}: {line.strip()}"
-        for path, text in CODE.items()
+        for path, text in TEXTS.items()
         for line in text.splitlines()
         if any(name in line and path.stem != name for name in experiments.having("source"))
     ]

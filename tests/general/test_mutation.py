@@ -40,7 +40,7 @@ def made(tmp_path, monkeypatch) -> dict[str, str]:
     (tmp_path / "pipeline").mkdir()
     (tmp_path / "pipeline" / "example.py").write_text(EXAMPLE)
     monkeypatch.setattr(mutation, "ROOT", tmp_path)
-    monkeypatch.setattr(mutation, "CHOSEN", {"ex*.py": ("*", "none")})
+    monkeypatch.setattr(mutation, "CHOSEN", {"pipeline/ex*.py": ("*", "none")})
     ((file, names, tests),) = mutation.chosen()
     return {each.what.partition(", ")[2]: each.source for each in mutation.mutants(file, names, tests)}
 

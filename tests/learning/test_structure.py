@@ -267,3 +267,19 @@ def test_an_estimator_of_other_settings_or_shapes_is_refused(tmp_path, key):
     for other in others:
         with pytest.raises(InputError, match="not a model (with these settings|of this kind)"):
             other.load(tmp_path)
+
+
+def test_an_archive_of_the_former_names_is_read(tmp_path):
+    """Packages of version 0.2.0 name the classes of this package below `pipeline`."""
+    fitted, _ = per_element()
+    estimators.write(tmp_path, fitted)
+    path = tmp_path / estimators.ESTIMATOR_FILE
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    former = members["schema.json"].replace(b"tactile.learning", b"pipeline.learning")
+    assert former != members["schema.json"]
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in (members | {"schema.json": former}).items():
+            archive.writestr(name, content)
+    assert structure.types(path)["tactile.learning.per_element.ElementTrees"] == 1
+    assert np.array_equal(estimators.read(tmp_path, TRUSTED).predict(X), fitted.predict(X))

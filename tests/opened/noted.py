@@ -1,6 +1,6 @@
 """Note which settings of params.yaml the stages read.
 
-`sitecustomize.py` beside this file starts it: with this folder in PYTHONPATH, every `python -m pipeline.<stage>`, and
+`sitecustomize.py` beside this file starts it: with this folder in PYTHONPATH, every `python -m <stage>`, and
 every process of studies, adds the dotted paths of the settings that it has read to the file that the variable
 SETTINGS_READ names.
 """
@@ -8,11 +8,13 @@ SETTINGS_READ names.
 import atexit
 import json
 import os
+import re
 import sys
 from collections.abc import Callable
 
 # Stages that keep books on all settings, whether or not anything reads them.
 BOOKKEEPERS = ("pipeline.stages.track",)
+STAGE = re.compile(r"(tactile|pipeline)\.(stages|studies)\.")
 
 
 class Noted(dict):
@@ -70,8 +72,8 @@ def ignore_bookkeeping(replace: Callable) -> None:
 def main() -> None:
     """Note what the stage reads that this process was started for."""
     command = dict(zip(sys.orig_argv, sys.orig_argv[1:], strict=False)).get("-m", "")
-    several = any(word.startswith(("stages.", "studies.")) for word in sys.orig_argv)  # by `Project.stages`
-    if not (command.startswith("pipeline.") or several) or command in BOOKKEEPERS:
+    several = any(map(STAGE.match, sys.orig_argv))  # by `Project.stages`
+    if not (command.startswith(("pipeline.", "tactile.")) or several) or command in BOOKKEEPERS:
         return
     from tactile.base import params
 

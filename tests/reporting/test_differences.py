@@ -2,10 +2,10 @@
 
 import re
 
-from builders.project import ROOT
+from builders.project import CODE, ROOT
 
 from pipeline.reporting import differences
-from tactile.base import params, paths
+from tactile.base import params
 
 MARK = "Differs from " + "paper:"
 VALUES = params.load(ROOT / "params.yaml")
@@ -23,13 +23,13 @@ def test_differences_are_collected(tmp_path):
         "short.",
         "two lines.",
     ]
-    assert found[0][0] == f"{tmp_path.name}/layer.py"
+    assert found[0][0] == "layer.py"
 
 
 def test_every_mark_in_the_code_is_in_a_report():
     marks = {
-        file.relative_to(paths.CODE.parent).as_posix(): len(re.findall(MARK, file.read_text(encoding="utf-8")))
-        for file in paths.CODE.rglob("*.py")
+        file.relative_to(ROOT).as_posix(): len(re.findall(MARK, file.read_text(encoding="utf-8")))
+        for file in CODE
         if file.name != "differences.py"  # defines the mark
     }
     listed = {line for name in VALUES["experiments"] for line in differences.of_experiment(name, VALUES[name])}

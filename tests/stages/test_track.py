@@ -80,7 +80,7 @@ def test_of_a_server_no_file_tells(tracks, monkeypatch):
 
 def test_what_python_keeps_of_imported_code_is_no_change(tracks, monkeypatch, tmp_path):
     """Another process may be writing it: then it has a name of its own for a moment."""
-    monkeypatch.setattr(track.paths, "CODE", tmp_path / "pipeline")
+    monkeypatch.setattr(track.paths, "CODE", tmp_path / "tactile")
     assert tracks() and not tracks()
     kept = tmp_path / "pipeline" / "__pycache__" / "new.cpython-311.pyc.140201"
     kept.parent.mkdir(parents=True)

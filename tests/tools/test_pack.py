@@ -20,6 +20,7 @@ from builders.project import ROOT, Project
 from pipeline.results import one_table, shards
 from tactile.base import files
 from tactile.base.errors import InputError
+from tactile.base.imports import HOUSES
 from tactile.base.paths import Workspace
 from tools import pack, unpack
 
@@ -36,7 +37,8 @@ class Finder(PathFinder):
         return None if name.partition(".")[0] in LACKS else super().find_spec(name, path, target)
 sys.meta_path[sys.meta_path.index(PathFinder)] = Finder
 """
-COMPUTES = ("datasets", "experiments", "learning", "logs", "models", "scenes", "scoring", "stability", "tasks")
+COMPUTES = ("datasets", "experiments", "learning", "logs", "models", "scoring", "tasks")
+COMPUTES = (*(f"tactile/{room}" for room in COMPUTES), "pipeline/results", "pipeline/scenes", "pipeline/stability")
 
 # Takes the place of pipeline/stages/shard.py: says what it was called with, and ends as `fate` says for its name.
 STUB = """
@@ -290,7 +292,7 @@ def lacking() -> set[str]:
             todo += [re.match(r"[\w.-]+", each)[0] for each in needs if "extra ==" not in each]
     has |= {known(name) for name in (*pack.PACKAGES, "tactile-reproduction")}
     modules = importlib.metadata.packages_distributions()
-    return {module for module, owners in modules.items() if not has & set(map(known, owners))} - {"pipeline"}
+    return {module for module, owners in modules.items() if not has & set(map(known, owners))} - {*HOUSES}
 
 
 @pytest.fixture
@@ -306,10 +308,10 @@ def bare(tmp_path):
 
 @pytest.mark.slow
 def test_the_code_of_a_shard_imports_what_is_there_or_travels(bare):
-    stages = ("shard", "simulate", "ingest", "window", "dataset", "train", "evaluate")
-    names = [f"pipeline.stages.{name}" for name in stages]
+    names = [f"pipeline.stages.{name}" for name in ("shard", "simulate", "keep")]
+    names += [f"tactile.stages.{name}" for name in ("ingest", "window", "dataset", "train", "evaluate")]
     for room in COMPUTES:
-        names += [f"pipeline.{room}.{path.stem}" for path in (ROOT / "pipeline" / room).glob("[a-z]*.py")]
+        names += [f"{room.replace('/', '.')}.{path.stem}" for path in (ROOT / room).glob("[a-z]*.py")]
     sets = shards.read_sets(Workspace(ROOT)).values()
     names += [f"pipeline.studies.{study}" for each in sets if (study := shards.study(each))]
     code = f"import importlib\nfor name in {sorted(set(names))}:\n    importlib.import_module(name)"
@@ -339,7 +341,7 @@ def git(project, *arguments):
 
 
 def commit(project, message):
-    git(project, "add", "params.yaml", "params", "evidence/shards.yaml", "constraints.txt", "pipeline")
+    git(project, "add", "params.yaml", "params", "evidence/shards.yaml", "constraints.txt", *HOUSES)
     git(project, "commit", "-q", "--allow-empty", "-m", message)
     return git(project, "rev-parse", "HEAD")
 
