@@ -32,11 +32,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
+from pipeline.reporting import texts
 from pipeline.scenes.material import FITTED, Material, log_resistance
 from tactile.base import arguments, params
 from tactile.base.errors import InputError
 from tactile.base.paths import Workspace
-from tactile.drawing import templates
 from tactile.experiments import velostat_recorded
 from tactile.experiments.velostat_recorded import RASTER, STEP_MM
 from tactile.logs import layout, parse, sources
@@ -304,7 +304,7 @@ def table(result: Mapping) -> str:
         name: [summary(scores[key]) for key in ("exp1", "exp2") for summary in (min, np.mean)]
         for name, scores in result["ablation"].items()
     }
-    return templates.render("material", result=result, fitted=result["fit"], grid=places, ablation=ablation)
+    return texts.render("material", result=result, fitted=result["fit"], grid=places, ablation=ablation)
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:

@@ -207,5 +207,6 @@ def test_the_study_keeps_what_the_stage_measured(workspace, monkeypatch):
 
     monkeypatch.setattr(modules, "run", stage)
     run_stage(monkeypatch, workspace, study, "touch", "0")
-    assert run == [(workspace.root, f"pipeline.stages.{name}", "touch") for name in ("train", "latency")]
+    stages = "tactile.stages.train", "pipeline.stages.latency"
+    assert run == [(workspace.root, name, "touch") for name in stages]
     assert workspace.study_result("touch", times.LATENCY).read_text() == "experiment,model\ntouch,linear\n"

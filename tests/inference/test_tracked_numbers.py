@@ -38,7 +38,7 @@ PRINTED = {  # experiment -> metric here, and as a paper prints it, of which so 
 @functools.cache
 def published() -> dict[tuple[str, str, str, str], float]:
     """Return (paper, model, condition, metric) -> value, as published.csv calls them."""
-    with open(ROOT / "tactile" / "scoring" / "published.csv", newline="", encoding="utf-8") as file:
+    with open(ROOT / "pipeline" / "results" / "published.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     return {(row["paper"], row["model"], row["condition"], row["metric"]): float(row["value"]) for row in rows}
 

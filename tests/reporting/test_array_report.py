@@ -13,6 +13,7 @@ from builders.project import ROOT, indexed
 
 from pipeline.claims import rules
 from pipeline.reporting import array
+from pipeline.reporting.figures import curves
 from pipeline.reporting.report import Report
 from pipeline.results import kept, shards
 from tactile.base.params_file import copied
@@ -61,8 +62,8 @@ def shown(made, tmp_path_factory):
     shutil.copytree(made.root, copy.root)
     with pytest.MonkeyPatch.context() as patch:
         made_reports.unplot(patch)
-        for name in ("maps", "boxes"):
-            patch.setattr(common, name, lambda path, *given, name=name: drawn.update({name: given}) or path.touch())
+        for module, name in ((common, "maps"), (curves, "boxes")):
+            patch.setattr(module, name, lambda path, *given, name=name: drawn.update({name: given}) or path.touch())
         return made_reports.rendered(copy, EXPERIMENT, SETTINGS, patch) / "accuracy", drawn
 
 
