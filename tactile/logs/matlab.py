@@ -31,6 +31,12 @@ def structures(path: Path, largest: int) -> dict:
     return {name: value for name, value in found.items() if not name.startswith("__")}
 
 
+def is_hdf5(path: Path, largest: int | None = None) -> bool:
+    """Tell whether a file is of MATLAB's version 7.3; InputError for one that has more than `largest` bytes."""
+    with foreign.reading(path, "the data", "check the file", largest), path.open("rb") as file:
+        return file.read(16).startswith((b"MATLAB 7.3", b"\x89HDF"))
+
+
 def variables(path: Path, largest: int, **options: object) -> dict:
     """Read a file of MATLAB's versions 4 to 7; options: of scipy.io.loadmat.
 
@@ -38,9 +44,7 @@ def variables(path: Path, largest: int, **options: object) -> dict:
     (on Linux; reading takes three times the memory of the variables) or SECONDS, that is of version 7.3, cut or
     damaged.
     """
-    with foreign.reading(path, "the data", "check the file", largest), path.open("rb") as file:
-        start = file.read(16)
-    if start.startswith((b"MATLAB 7.3", b"\x89HDF")):
+    if is_hdf5(path, largest):
         raise InputError(f"{path}: MATLAB version 7.3 (HDF5) is not read; load it and save it again with '-v7'")
     return foreign.apart(
         path, WHOLE, "get it again", scipy.io.loadmat, path, memory=2 * largest, seconds=SECONDS, **options

@@ -1,4 +1,4 @@
-"""Turn files of columns, of MATLAB, numpy, workbooks or text, into text of lines, which is read as any other log."""
+"""Turn files of columns, of MATLAB, numpy, HDF5, Parquet, workbooks or text, into text of lines, as any other log."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -6,6 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 
 from tactile.base import foreign
 from tactile.base.errors import InputError
@@ -17,13 +20,13 @@ LEAST = 3  # values of a column; fewer are settings of the recording
 WORKBOOKS, OTHER_WORKBOOKS = (".xlsx", ".xlsm"), (".xls", ".ods")
 
 
-def text_of(path: Path, folder: Path) -> dict[str, Path]:
+def text_of(path: Path, folder: Path, trial: str = "") -> dict[str, Path]:
     """Return name -> text file of each table in a file; those that have to be made go into `folder`.
 
     Columns of one length are a table, which is called by the file, and by the length where there are several. Of an
-    array of several dimensions the longest is taken for time; each number of a row is a column then. A file that is of
-    neither MATLAB nor numpy is taken for text; each sheet of a workbook is a text of its own. Raises InputError for a
-    file that is missing, damaged or an old workbook, and for one without columns.
+    array of several dimensions the longest is taken for time; each number of a row is a column then. A file of none of
+    these kinds is taken for text; each sheet of a workbook is a text of its own. trial: a column of words that is kept,
+    too. Raises InputError for a file that is missing, damaged or an old workbook, and for one without columns.
     """
     if not path.is_file():
         raise InputError(f"{path}: file not found; name a file of columns")
@@ -34,11 +37,18 @@ def text_of(path: Path, folder: Path) -> dict[str, Path]:
         )
     if kind in WORKBOOKS:
         return _of_workbook(path, folder)
-    if kind not in (".mat", ".npz"):
+    if kind == ".parquet":
+        variables, words = _of_parquet(path, trial)
+    elif kind in (".h5", ".hdf5", ".hdf") or kind == ".mat" and matlab.is_hdf5(path):
+        variables, words = _of_hdf5(path), {}
+    elif kind in (".npy", ".npz"):
+        variables, words = _of_numpy(path), {}
+    elif kind == ".mat":
+        variables, words = matlab.structures(path, LARGEST), {}
+    else:
         return {str(path): path}
     tables: dict[int, dict[str, np.ndarray]] = {}
-    variables = matlab.structures(path, LARGEST) if kind == ".mat" else _of_numpy(path)
-    for name, values in _columns(variables):
+    for name, values in (*_columns(variables), *words.items()):
         tables.setdefault(len(values), {})[name] = values
     if not tables:
         raise InputError(
@@ -51,6 +61,33 @@ def text_of(path: Path, folder: Path) -> dict[str, Path]:
         texts[name] = folder / f"{path.stem}-{length}.csv"
         pd.DataFrame(columns).to_csv(texts[name], index=False)
     return texts
+
+
+def trials(texts: Mapping[str, Path], column: str, folder: Path) -> dict[str, dict[str, Path]]:
+    """Return the name of each trial -> its texts, as of `text_of`: tables divided by the values of a column.
+
+    Their rows stay in order, and the column is left out; a table that has no such column is left out, too. A trial is
+    called by the column and its value. Raises InputError where no table has the column, or one cannot be divided.
+    """
+    found: dict[str, dict[str, Path]] = {}
+    values: dict[str, str] = {}
+    others = set()
+    for number, (table, text) in enumerate(texts.items()):
+        with foreign.reading(text, "a table with the names of its columns in the first line", "save it as such"):
+            rows = pd.read_csv(text, sep=None, engine="python", dtype=str, keep_default_na=False)
+        if column not in rows:
+            others |= set(rows)
+            continue
+        for value, of_trial in rows.groupby(column, sort=False):
+            trial = re.sub(r"[^\w.-]+", "_", f"{column}-{value}")
+            if values.setdefault(trial, value) != value:
+                raise InputError(f"{table}: {values[trial]} and {value} of {column} are both {trial}; rename one")
+            place = folder / f"{number}-{trial}.csv"
+            of_trial.drop(columns=column).to_csv(place, index=False)
+            found.setdefault(trial, {})[f"{table}, {column} {value}"] = place
+    if not found:
+        raise InputError(f"{', '.join(texts)}: no column {column}; the columns are {', '.join(sorted(others))}")
+    return found
 
 
 def _of_workbook(path: Path, folder: Path) -> dict[str, Path]:
@@ -75,14 +112,71 @@ def _sheets(path: Path) -> dict[str, pd.DataFrame]:
 
 def _of_numpy(path: Path) -> dict[str, np.ndarray]:
     """Return the arrays of a file of numpy, of which nothing is executed."""
-    what, remedy = "a whole file of numpy's savez, or one of objects", "save arrays of numbers again"
-    foreign.check_archive(path, what, remedy)
+    what, remedy = "a whole file of numpy's save or savez, or one of objects", "save arrays of numbers again"
+    if path.suffix.lower() == ".npz":
+        foreign.check_archive(path, what, remedy)
     return foreign.apart(path, what, remedy, _arrays, path, **LIMITS)
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as arrays:
+    arrays = np.load(path, allow_pickle=False)
+    if isinstance(arrays, np.ndarray):
+        return {path.stem: arrays}
+    with arrays:
         return {name: arrays[name] for name in arrays.files}
+
+
+def _of_hdf5(path: Path) -> dict[str, np.ndarray]:
+    """Return the data sets of an HDF5 file, also of MATLAB 7.3, by the path of each."""
+    import h5py  # noqa: F401  which an extra has: the sentence says so
+
+    return foreign.apart(path, "a whole HDF5 file", "save it again", _data_sets, path, **LIMITS)
+
+
+def _data_sets(path: Path) -> dict[str, np.ndarray]:
+    """Return what the file itself holds: links to other files are not followed."""
+    import h5py
+
+    found = {}
+
+    def keep(name: str, item: object) -> None:
+        if isinstance(item, h5py.Dataset) and not (item.external or item.is_virtual):
+            text = item.attrs.get("MATLAB_class") == b"char"
+            if item.dtype.kind in "biuf" and not text:
+                found[name] = item[()]
+
+    with h5py.File(path, "r") as file:
+        file.visititems(keep)
+    return found
+
+
+def _of_parquet(path: Path, trial: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return the columns of numbers, lists of equal length as (n, length), and the column `trial` if it is of words."""
+    what, remedy = "a whole Parquet file", "write it again"
+    return foreign.apart(path, what, remedy, _parquet, path, trial, **LIMITS)
+
+
+def _parquet(path: Path, trial: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    table, numbers, words = pq.read_table(path, memory_map=False), {}, {}
+    while any(pa.types.is_struct(each) for each in table.schema.types):
+        table = table.flatten()
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        values, shape = column.combine_chunks(), [len(column)]
+        while pa.types.is_list(values.type) or pa.types.is_large_list(values.type) or _is_fixed(values.type):
+            inner = values.flatten()
+            if not len(values) or values.null_count or len(pc.unique(pc.list_value_length(values))) != 1:
+                break
+            shape.append(len(inner) // len(values))
+            values = inner
+        if pa.types.is_integer(values.type) or pa.types.is_floating(values.type) or pa.types.is_temporal(values.type):
+            numbers[name] = values.to_numpy(zero_copy_only=False).reshape(shape)
+        elif name == trial and (pa.types.is_string(values.type) or pa.types.is_large_string(values.type)):
+            words[name] = values.to_numpy(zero_copy_only=False)
+    return numbers, words
+
+
+def _is_fixed(kind: pa.DataType) -> bool:
+    return pa.types.is_fixed_size_list(kind)
 
 
 def _columns(variables: Mapping, above: str = "") -> Iterator[tuple[str, np.ndarray]]:

@@ -178,9 +178,9 @@ SHARED = ("ingest_recorded@velostat_recorded", "count")  # of seconds
 HALVES = (
     ["claim_inputs@touch", "latency@touch", "latency@velostat_recorded", "latency@strain_recorded"]
     + ["latency@array_recorded", "stress@array_recorded"]
-    + ["stress@touch", "stress@velostat_recorded", "stress@strain_recorded"],
+    + ["keep@touch", "stress@touch", "stress@velostat_recorded", "stress@strain_recorded"],
     ["claim_inputs@strain", "claim_inputs@glove", "latency@strain", "latency@glove", "latency@glove_recorded"]
-    + ["stress@strain", "stress@glove", "stress@glove_recorded"],
+    + ["keep@strain", "keep@glove", "stress@strain", "stress@glove", "stress@glove_recorded"],
 )
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -96,19 +97,78 @@ def as_workbook(folder):
     return "a.xlsx"
 
 
-@pytest.mark.parametrize("write", [as_numpy, as_matlab, as_text, as_workbook])
+def as_parquet(folder):
+    """As robots' data sets have it: lists of readings, a structure, words that are no reading."""
+    columns = {"timestamp": T, "observation.state": COUNTS.tolist(), "task": ["hold"] * ROWS}
+    columns |= {"stage": [{"x": x, "y": y, "z": z} for x, y, z in zip(X, Y, Z, strict=True)], "force_N": FORCE}
+    pd.DataFrame(columns).to_parquet(folder / "a.parquet")
+    return "a.parquet"
+
+
+def as_hdf5(folder):
+    """Groups, a scalar, a text, and links to another file, which are not followed."""
+    with h5py.File(folder / "other.h5", "w") as file:
+        file["ch0"] = np.full(ROWS, 7)
+    with h5py.File(folder / "a.h5", "w") as file:
+        file["mat/time_s"], file["mat/adc"] = T, COUNTS.reshape(ROWS, 2, 3)
+        file["cell/t_s"], file["cell/force"], file["rate"] = T[:-1], FORCE[:-1], 100.0
+        file["stage/t_s"] = T[::2]
+        for name, values in (("x", X), ("y", Y), ("z", Z)):
+            file[f"stage/{name}"] = values[::2]
+        file["note"] = "recorded on Tuesday"
+        file["outside"] = h5py.ExternalLink("other.h5", "ch0")
+        layout = h5py.VirtualLayout((ROWS,), "i8")
+        layout[:] = h5py.VirtualSource("other.h5", "ch0", (ROWS,))
+        file.create_virtual_dataset("virtual", layout)
+    return "a.h5"
+
+
+SEVERAL = (as_matlab, as_workbook, as_hdf5)  # devices of rates of their own
+
+
+@pytest.mark.parametrize("write", [as_numpy, as_matlab, as_text, as_workbook, as_parquet, as_hdf5])
 def test_files_of_columns_are_read_as_logs(write, run0, tmp_path, capsys):
     imported(tmp_path / write(tmp_path), run0, "--of", "touch")
-    read, every = logs_of(run0), slice(None, None, 2 if write in (as_matlab, as_workbook) else 1)
+    read, every = logs_of(run0), slice(None, None, 2 if write in SEVERAL else 1)
     assert np.array_equal(matrix(read["array"]), COUNTS)
     assert np.array_equal(matrix(read["load_cell"])[:, 0], FORCE[: read["load_cell"].num_rows])
     assert np.array_equal(matrix(read["cnc"]), np.column_stack([X, Y, Z])[every])
     times = read["array"]["t_us"].to_numpy()
     assert times - times[0] == pytest.approx(1e6 * (T - T[0]), abs=1)
     said = capsys.readouterr().out
-    assert ("write touch.ingest.clock: shared" in said) == (write not in (as_matlab, as_workbook))
+    assert ("write touch.ingest.clock: shared" in said) == (write not in SEVERAL)
     origin = yaml.safe_load((run0 / "origin.yaml").read_text())
     assert set(origin["logs"]) == {"array.log", "load_cell.log", "cnc.log"} and len(origin["sha256"]) == 1
+
+
+def test_a_file_of_many_recordings_is_divided(run0, tmp_path, capsys):
+    """As a data set of robots' episodes: each has its own time; the one of the highest readings sets the scale."""
+    state = COUNTS / 1024 * np.repeat([0.2, 1.0, 0.5], ROWS // 3)[:, None]
+    columns = {"episode_index": np.repeat([0, 1, 2], ROWS // 3), "timestamp": np.tile(T[: ROWS // 3] - T[0], 3)}
+    file = tmp_path / "file-000.parquet"
+    pd.DataFrame(columns | {"observation.state": state.tolist(), "force_N": FORCE}).to_parquet(file)
+    imported(file, run0.parent, "--trial", "episode_index", "--of", "touch")
+    said = capsys.readouterr().out
+    assert f"next: `tactile check {run0.parents[1]}`" in said and "touch.ingest.clock: shared" in said
+    counts = []
+    for k in range(3):
+        folder, rows = run0.parent / f"episode_index-{k}", slice(k * ROWS // 3, (k + 1) * ROWS // 3)
+        assert np.array_equal(matrix(logs_of_cell(folder))[:, 0], FORCE[rows])
+        read = parse.read_log(folder / "array.log", ARRAY)[0]
+        assert np.ptp(read["t_us"].to_numpy()) == pytest.approx(1e6 * (T[ROWS // 3 - 1] - T[0]), abs=1)
+        counts.append(matrix(read))
+    seen, told = np.concatenate(counts).ravel(), state.ravel()
+    scale, offset = np.polyfit(told, seen, 1)
+    assert np.abs(seen - scale * told - offset).max() < 0.6  # one scale for all, to the rounding of a count
+
+
+def test_trials_that_cannot_be_told_apart_are_refused(run0, tmp_path):
+    file = tmp_path / "day.csv"
+    pd.DataFrame({"run": ["a b", "a_b"] * 50, "time_s": T[:100]}).to_csv(file, index=False)
+    with pytest.raises(InputError, match="no column trial; the columns are run, time_s"):
+        imported(file, run0.parent, "--trial", "trial", "--of", "touch")
+    with pytest.raises(InputError, match="a b and a_b of run are both run-a_b; rename one"):
+        imported(file, run0.parent, "--trial", "run", "--of", "touch")
 
 
 def test_a_guess_is_marked_and_can_be_corrected(run0, tmp_path, capsys):
@@ -180,8 +240,10 @@ def test_nothing_is_written_over_and_what_cannot_be_read_is_said(run0, tmp_path)
     for name, content, words in (
         ("a.xlsx", b"PK", r"a.xlsx: not a whole workbook"),
         ("a.xls", b"\xd0\xcf", r"a.xls: a workbook of this kind is not read; save it as .xlsx"),
-        ("a.mat", b"\x89HDF\r\n", r"a.mat: MATLAB version 7.3 \(HDF5\) is not read; load it and save it again"),
-        ("a.npz", b"PK\x03\x04", r"a.npz: not a whole file of numpy's savez"),
+        ("a.mat", b"\x89HDF\r\n", "a.mat: not a whole HDF5 file"),
+        ("a.parquet", b"PAR1", "a.parquet: not a whole Parquet file"),
+        ("a.npy", b"\x93NUMPY", "a.npy: not a whole file of numpy"),
+        ("a.npz", b"PK\x03\x04", r"a.npz: not a whole file of numpy's save or savez"),
         ("words.npz", None, r"words.npz: holds no columns of numbers \(note\)"),
         ("few.npz", None, r"few.npz: .*not as many readings as touch.sensor"),
         ("none.csv", None, r"none.csv: file not found"),
