@@ -33,7 +33,7 @@ from tactile.base import params, provenance
 from tactile.base.errors import InputError, run_stage
 from tactile.base.paths import Workspace
 from tactile.inference import card as cards
-from tactile.inference import mlflow_store, packages, predictor, training_logs
+from tactile.inference import consistent, mlflow_store, packages, predictor, training_logs
 
 pytestmark = pytest.mark.slow
 
@@ -161,8 +161,8 @@ def test_every_run_opens_with_its_own_weights(workspace, tracked, tmp_path, monk
     np.testing.assert_array_equal(opened.predict(readings), ours)
     assert ours.shape == (12, 3, 5) and np.isfinite(ours[-1]).all()
     folder, origin = packages.locate(workspace, run.info.run_id, PARAMS, tmp_path / "from_mlflow")
-    assert origin == "from MLflow" and cards.read(folder).seed == seed
-    assert cards.read(folder).logs == LOGS, "for predict not to score them"
+    assert origin == "from MLflow" and consistent.read(folder).seed == seed
+    assert consistent.read(folder).logs == LOGS, "for predict not to score them"
     np.testing.assert_array_equal(predictor.load(folder).predict(readings), ours)
     assert sorted(file.name for file in folder.iterdir()) == ["card.json", "estimator.skops"]
 

@@ -21,7 +21,7 @@ from tactile.base.paths import Workspace
 from tactile.drawing import labels
 from tactile.experiments import facts
 from tactile.inference import card as cards
-from tactile.inference import intervals
+from tactile.inference import consistent, intervals
 from tactile.scoring import conformal, estimates
 
 TOGETHER = "all objects"
@@ -29,8 +29,8 @@ FLOOR = "constant"  # the model that a useful one must beat
 
 
 def card_of(workspace: Workspace, folder: Path) -> str:
-    """Return the model card of a pretrained model in Markdown. Errors as of `cards.read` and `estimates.read_csv`."""
-    card = cards.read(folder)
+    """Return the model card of a pretrained model in Markdown. Errors: `consistent.read`, `estimates.read_csv`."""
+    card = consistent.read(folder)
     metric = facts(card.experiment).metric
     lower, factor, unit = metric != "accuracy", factor_of(metric), facts(card.experiment).output_unit
     measure = f"{labels.MEASURES[metric]} in {unit if lower else '%'}"

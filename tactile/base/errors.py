@@ -69,7 +69,7 @@ def run_stage(main: Callable[[], None], params: Path) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(PIPE_CLOSED)
     except Exception as error:
-        from tactile.base import extras  # here, for paths need this module
+        from tactile.base import extras  # here: only an error needs it
 
         sentence = storage_error(error) or name_error(error) or extras.sentence(error)
         if sentence is None and (reason := memory_error(error)) is not None:

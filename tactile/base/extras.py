@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from importlib import metadata
 
-from tactile.base import paths
+from tactile.base.installed import BROUGHT, INSTALLED, PACKAGE
 
 
 def sentence(error: BaseException) -> str | None:
@@ -12,12 +12,12 @@ def sentence(error: BaseException) -> str | None:
     if not isinstance(error, ModuleNotFoundError) or not error.name:
         return None
     name = error.name.partition(".")[0].replace("_", "-")
-    found = [re.match(r"([\w.-]+).*; extra == .(\w+)", line) for line in metadata.requires(paths.PACKAGE) or []]
+    found = [re.match(r"([\w.-]+).*; extra == .(\w+)", line) for line in metadata.requires(PACKAGE) or []]
     pairs = [match.groups() for match in found if match]
     size = Counter(extra for _, extra in pairs)
     smallest = min((extra for library, extra in pairs if library == name), key=size.__getitem__, default=None)
     if smallest is None:
         return None
-    where = paths.PACKAGE if paths.BROUGHT == paths.INSTALLED else "."
-    options = "" if where == paths.PACKAGE else "-c constraints.txt -e "
+    where = PACKAGE if BROUGHT == INSTALLED else "."
+    options = "" if where == PACKAGE else "-c constraints.txt -e "
     return f"{name} is not installed; run `pip install {options}'{where}[{smallest}]'`"

@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tactile.base.errors import InputError
+from tactile.base.installed import BROUGHT, CODE
 
-CODE = Path(__file__).parents[1]
-INSTALLED = CODE / "brought"  # of an installed wheel: copies of what a checkout has beside the code
-BROUGHT = INSTALLED if INSTALLED.is_dir() else CODE.parent
 EXPERIMENTS = CODE / "experiments"  # one file per experiment
 MODELS = CODE / "models"  # one file per row of a table
-PACKAGE = "tactile-reproduction"  # as pip knows it
 MODEL_ZERO = "model_zero"  # beside an experiment's models: the networks that transfer starts from
 
 

@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 
 from tactile.base import foreign, paths
 from tactile.base.errors import InputError
+from tactile.base.installed import BROUGHT, INSTALLED, PACKAGE
 from tactile.base.params import file_of
 from tactile.base.paths import Workspace
 
@@ -37,14 +38,14 @@ def git_state(workspace: Workspace, of: Sequence[str] = (".", ":!dvc.lock", ":!r
 
 def code() -> tuple[str, str]:
     """Return the commit of this code and whether it was changed, as `git_state`; of an installed wheel its version."""
-    if paths.BROUGHT == paths.INSTALLED:
+    if BROUGHT == INSTALLED:
         return f"version {version()}", "false"
     return git_state(Workspace(paths.CODE.parent))
 
 
 def version() -> str:
     """Return the version of this project that is installed."""
-    return metadata.version(paths.PACKAGE)
+    return metadata.version(PACKAGE)
 
 
 def check_settings(workspace: Workspace, experiments: Iterable[str], params: dict) -> None:

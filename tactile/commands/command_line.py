@@ -17,6 +17,7 @@ from collections.abc import Collection
 
 from tactile.base import arguments, paths
 from tactile.base.errors import run_stage
+from tactile.base.installed import BROUGHT, INSTALLED
 
 REPRODUCTION = "pipeline"  # the house beside this one, in a checkout
 TOOL = {  # heading of the help -> command -> its module in this room
@@ -117,7 +118,7 @@ def version() -> str:
 
     commit, changed = provenance.code()
     of_checkout = f", commit {commit}{' with changes' if changed == 'true' else ''}"
-    return f"tactile {provenance.version()}{'' if paths.BROUGHT == paths.INSTALLED else of_checkout}"
+    return f"tactile {provenance.version()}{'' if BROUGHT == INSTALLED else of_checkout}"
 
 
 def main() -> None:

@@ -32,14 +32,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Export the model named on the command line."""
     from tactile.inference import card as cards
-    from tactile.inference import packages
+    from tactile.inference import consistent, packages
 
     if given.folder.exists():
         raise InputError(f"{given.folder}: exists already and is never overwritten; give another name")
     values = params.load(workspace.params)
     with tempfile.TemporaryDirectory() as draft:
         source, comes_from = packages.locate(workspace, given.model, values, Path(draft, "located"), refit=True)
-        card, package = cards.read(source), Path(draft, "package")
+        card, package = consistent.read(source), Path(draft, "package")
         package.mkdir()
         shutil.copy(cards.weights_file(source), package)
         cards.write(package, card)

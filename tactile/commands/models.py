@@ -37,8 +37,10 @@ def packages(workspace: Workspace) -> Iterator[tuple[str, Path]]:
 
 def described(name: str, folder: Path) -> dict:
     """Return what a package is called, takes, gives and scored; in place of that `problem`, where it cannot be read."""
+    from tactile.inference import consistent  # here, because the import of the experiments takes a second
+
     try:
-        card = cards.read(folder)
+        card = consistent.read(folder)
     except InputError as error:
         return {"model": name, "problem": str(error)}
     columns = f"{card.inputs.columns} {card.inputs.unit}"

@@ -208,21 +208,3 @@ def write(folder: Path, card: Card) -> None:
     if (folder / ONNX).is_file():
         named |= {ONNX: files.sha256(folder / ONNX)}
     cards.write(folder / NAME, card.model_copy(update={"files": named}))
-
-
-def read(folder: Path) -> Card:
-    """Return the card of a saved model.
-
-    Raises InputError where it is absent, broken, or does not fit itself, and where the files are not its.
-    """
-    from tactile.inference import consistent  # here, because the import of the experiments takes a second
-
-    path = folder / NAME
-    if not path.is_file():
-        raise InputError(f"{path}: not found; make the folder with `tactile export MODEL FOLDER`")
-    weights = weights_file(folder)
-    card = cards.read(path, Card, (*WEIGHTS, ONNX), AGAIN)
-    if [name for name in WEIGHTS if name in card.files] != [weights.name]:
-        raise InputError(f"{path}, files: names {' and '.join(WEIGHTS)}, of which a model has one; {AGAIN}")
-    consistent.check(card, path, AGAIN)
-    return card

@@ -6,7 +6,6 @@ another version, is so refused in a sentence that names the key.
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,11 +13,9 @@ from tactile import experiments, tasks
 from tactile.base import cards, foreign, params, ranges
 from tactile.base.errors import InputError
 from tactile.datasets import images
+from tactile.inference.card import AGAIN, NAME, ONNX, WEIGHTS, Card, weights_file
 from tactile.learning.spec import of_images
 from tactile.settings.models import Models
-
-if TYPE_CHECKING:
-    from tactile.inference.card import Card
 
 READING = ("sensor", "ingest", "window", "label")  # blocks of an experiment that say how logs become inputs
 LARGEST_INPUT = 1 << 24  # numbers of a window, 64 MB; the largest here has 12,500
@@ -27,7 +24,23 @@ APART_S = 60.0  # from one frame of a window to the next; 0.2 here
 Fact = tuple[str, bool, str]  # key of the card, whether it is as it should be, what it should be
 
 
-def check(card: "Card", path: Path, again: str) -> None:
+def read(folder: Path) -> Card:
+    """Return the card of a saved model.
+
+    Raises InputError where it is absent, broken, or does not fit itself, and where the files are not its.
+    """
+    path = folder / NAME
+    if not path.is_file():
+        raise InputError(f"{path}: not found; make the folder with `tactile export MODEL FOLDER`")
+    weights = weights_file(folder)
+    card = cards.read(path, Card, (*WEIGHTS, ONNX), AGAIN)
+    if [name for name in WEIGHTS if name in card.files] != [weights.name]:
+        raise InputError(f"{path}, files: names {' and '.join(WEIGHTS)}, of which a model has one; {AGAIN}")
+    check(card, path, AGAIN)
+    return card
+
+
+def check(card: Card, path: Path, again: str) -> None:
     """Raise InputError, which names `path`, ends in `again`, and says which key of a card does not fit the others."""
     cards.check_blocks(path, "reading", card.experiment, card.reading, READING, again)
     if card.model not in Models.model_fields:
@@ -45,7 +58,7 @@ def check(card: "Card", path: Path, again: str) -> None:
         raise InputError(f"{path}: its parts do not fit one another ({foreign.reason(error)}); {again}") from error
 
 
-def _facts(card: "Card") -> Iterator[Fact]:
+def _facts(card: Card) -> Iterator[Fact]:
     """Yield what must hold of a card, each after what it builds on."""
     module, reading, inputs, outputs = experiments.module(card.experiment), card.reading, card.inputs, card.outputs
     yield "kind", card.kind == module.KIND, f"of {card.experiment} it is {module.KIND}"
@@ -87,7 +100,7 @@ def _facts(card: "Card") -> Iterator[Fact]:
     yield "calibration.bounds", right, "a probability is 1 at most"
 
 
-def _shapes(card: "Card", module, columns: int) -> Iterator[Fact]:
+def _shapes(card: Card, module, columns: int) -> Iterator[Fact]:
     """Yield what must hold of shapes and names; columns: those that the model sees."""
     shapes, names, reading = card.shapes, card.outputs.names, card.reading
     task = tasks.of(card.experiment)
@@ -109,7 +122,7 @@ def _shapes(card: "Card", module, columns: int) -> Iterator[Fact]:
     yield "shapes", size <= LARGEST_INPUT, f"a window would have {size} numbers, more than {LARGEST_INPUT}"
 
 
-def _trained_on(card: "Card", areas: Mapping[str, int], chosen: list[int]) -> Iterator[Fact]:
+def _trained_on(card: Card, areas: Mapping[str, int], chosen: list[int]) -> Iterator[Fact]:
     """Yield what must hold of the ranges of the training; areas: columns of each, chosen: those that the model sees."""
     if card.trained_on is None:
         return

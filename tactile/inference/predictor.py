@@ -22,7 +22,7 @@ from tactile.base import foreign, ranges
 from tactile.base.errors import InputError
 from tactile.datasets import images, schemas
 from tactile.inference import card as cards
-from tactile.inference import compiled_lomp, intervals
+from tactile.inference import compiled_lomp, consistent, intervals
 from tactile.inference.onnx_network import NAME, OnnxNetwork
 
 SOME_WINDOWS = 4096  # predicted at once: 4 MB of LoMP's windows
@@ -266,7 +266,7 @@ def load(folder: str | Path) -> Predictor:
     Raises InputError where the folder lacks its card or weights, or where these do not belong together.
     """
     folder = Path(folder)
-    card = cards.read(folder)
+    card = consistent.read(folder)
 
     def made():
         from tactile.inference import torch_model  # here, because the import of torch takes a second

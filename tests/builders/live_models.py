@@ -9,7 +9,7 @@ from tactile import models, tasks
 from tactile.base import files, ranges
 from tactile.datasets.series import Record
 from tactile.inference import card as cards
-from tactile.inference import predictor
+from tactile.inference import consistent, predictor
 from tactile.learning.regressors import Scaled
 from tactile.learning.spec import Spec
 from tactile.learning.window_statistics import KINDS as KINDS_OF_STATISTICS
@@ -165,7 +165,7 @@ def calibrated(kind: str, folder: Path, **changed) -> predictor.Predictor:
         for output, case, value, floor in BOUNDS[kind]
     ]
     given = cards.Calibration(level=0.9, group="press", shared=False, refitted=False, bounds=bounds, coverage=[])
-    cards.write(folder, cards.read(folder).model_copy(update={"calibration": given} | changed))
+    cards.write(folder, consistent.read(folder).model_copy(update={"calibration": given} | changed))
     return predictor.load(folder)
 
 

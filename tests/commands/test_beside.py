@@ -16,6 +16,7 @@ from builders.project import ROOT
 from tactile.base.errors import InputError
 from tactile.base.paths import Workspace
 from tactile.inference import card as cards
+from tactile.inference import consistent
 from tactile.own.beside import Beside
 from tactile.targets import read
 
@@ -243,7 +244,7 @@ def test_a_model_of_logs_in_another_order_takes_theirs_where_no_settings_say_oth
     """The package's own order holds without settings beside; with them theirs does, also where it is the usual one."""
     own = np.array([5, 3, 1, 0, 2, 4])  # of the columns that are printed
     folder = live_models.linear(tmp_path / "model")
-    card = cards.read(folder)
+    card = consistent.read(folder)
     sensor = card.reading["sensor"] | {"order": order_of(own)}
     cards.write(folder, card.model_copy(update={"reading": card.reading | {"sensor": sensor}}))
     readings, found = live_models.press(60), {}

@@ -19,7 +19,7 @@ from tactile.commands import targets
 from tactile.commands.targets import Effort
 from tactile.datasets import schemas
 from tactile.inference import card as cards
-from tactile.inference import predictor, recordings
+from tactile.inference import consistent, predictor, recordings
 from tactile.targets import kept
 
 TOUCH = params.load(ROOT / "params.yaml")["touch"]
@@ -58,7 +58,7 @@ def array(tmp_path_factory) -> Path:
 
 def described(folder: Path, **changed) -> Path:
     """Change the card of a package."""
-    cards.write(folder, cards.read(folder).model_copy(update=changed))
+    cards.write(folder, consistent.read(folder).model_copy(update=changed))
     return folder
 
 
@@ -121,7 +121,7 @@ def test_only_logs_that_did_not_train_are_scored(linear, array, called, tmp_path
     new = found.pop("new")
     expected = recordings.scores(predictor.load(linear), array / "day1_1" / "array.log")
     assert new["scores"]["rmse (kPa)"] == pytest.approx(expected[0][2]) and "not_scored" not in new
-    assert new["scores"] == recordings.named(expected, cards.read(linear)) and "held_out" not in new
+    assert new["scores"] == recordings.named(expected, consistent.read(linear)) and "held_out" not in new
     assert len(found) == 4
     for each in found.values():
         assert each["scores"] is None and each["not_scored"] == "trained on this recording: no test"
@@ -180,7 +180,7 @@ def test_a_card_without_logs_cannot_tell(source, linear, array, called, tmp_path
 
 def test_pretrained_models_say_that_they_were_trained_on_simulated_logs():
     for path in ROOT.glob(f"pretrained/*/*/{cards.NAME}"):
-        card = cards.read(path.parent)
+        card = consistent.read(path.parent)
         assert card.source == "simulated"
         assert "simulated logs" in recordings.unknown(card) if card.logs is None else not recordings.unknown(card)
 

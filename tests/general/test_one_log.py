@@ -11,7 +11,7 @@ from builders import live_models, touch_logs
 from tactile.datasets import schemas
 from tactile.experiments import touch
 from tactile.inference import card as cards
-from tactile.inference import onnx_export, onnx_network, predictor, recordings
+from tactile.inference import consistent, onnx_export, onnx_network, predictor, recordings
 from tactile.live.session import Session
 from tactile.live.source import Lines, line_format
 
@@ -28,7 +28,7 @@ SETTINGS |= {"sensor": live_models.TOUCH["sensor"] | {"order": ORDER}}
 def package(request, tmp_path_factory):
     """A model and its ONNX in one folder; its card names the order of the elements."""
     folder = live_models.KINDS[request.param](tmp_path_factory.mktemp("packages") / request.param)
-    card = cards.read(folder)
+    card = consistent.read(folder)
     cards.write(folder, card.model_copy(update={"reading": SETTINGS}))
     onnx_export.export(predictor.load(folder), folder)
     return folder

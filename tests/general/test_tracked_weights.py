@@ -12,8 +12,7 @@ from builders.project import ROOT
 from pipeline.tracking import mlflow_runs
 from tactile.base import params
 from tactile.base.paths import Workspace
-from tactile.inference import card as cards
-from tactile.inference import mlflow_store
+from tactile.inference import consistent, mlflow_store
 
 SEEDS = (2, 0, 1)  # as params.yaml may list them: a run's place is not its seed
 FRAMES, STEP, ELEMENTS = 4, 2, 6
@@ -55,5 +54,5 @@ def test_every_seeds_run_opens_with_its_own_weights(tracked, monkeypatch):
         own = known[seed].predict(seen).reshape(-1, 3, 5)
         np.testing.assert_allclose(said[seed][reach:], own, rtol=1e-5, atol=1e-5)
         package = mlflow_store.downloaded(workspace, run.info.run_id, workspace.root / f"package-{seed}")
-        assert cards.read(package).seed == seed and run.data.params["seed"] == str(seed)
+        assert consistent.read(package).seed == seed and run.data.params["seed"] == str(seed)
     assert np.ptp([maps[reach:] for maps in said.values()], axis=0).min() > 1e-3, "no seed says what another one says"

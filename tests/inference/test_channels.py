@@ -10,7 +10,7 @@ from builders import live_models
 from tactile.base.paths import Workspace
 from tactile.datasets import schemas
 from tactile.inference import card as cards
-from tactile.inference import channels, predictor, recordings
+from tactile.inference import channels, consistent, predictor, recordings
 
 N = 12_000
 SETTINGS = live_models.SERIES | {"ingest": live_models.SERIES["ingest"] | {"max_gap_s": 1.0}}
@@ -35,7 +35,7 @@ def model(tmp_path_factory) -> predictor.Predictor:
     columns |= {"v": schemas.lists(x, pa.float32()), "y": schemas.lists(x[:, :3], pa.float32())}
     split = {schemas.split_column("task_2", 0): pa.array(part).dictionary_encode()}
     table = pa.table(columns | split)
-    card = cards.read(live_models.series(folder / "series"))
+    card = consistent.read(live_models.series(folder / "series"))
     inputs = card.inputs.model_copy(update={"chosen": list(range(5))})
     card = card.model_copy(update={"protocol": "task_2", "inputs": inputs, "reading": SETTINGS})
     assert channels.trained(workspace, SETTINGS, card) is None, "no dataset"
@@ -80,5 +80,5 @@ def test_a_card_of_before_says_nothing(model, tmp_path):
     model = predictor.Predictor(model.model, old)
     found = read_back(model, bent(4000, 7)[:, [1, 0, 2, 3, 4]], tmp_path)
     assert found.notes == []
-    windows = cards.read(live_models.linear(tmp_path / "windows"))
+    windows = consistent.read(live_models.linear(tmp_path / "windows"))
     assert channels.trained(Workspace(tmp_path), {}, windows) is None

@@ -18,7 +18,7 @@ from tactile.commands import predict
 from tactile.datasets import schemas
 from tactile.experiments import glove
 from tactile.inference import card as cards
-from tactile.inference import intervals, predictions, predictor, recordings, training
+from tactile.inference import consistent, intervals, predictions, predictor, recordings, training
 from tactile.live import outputs
 from tactile.live.session import Session
 from tactile.live.source import Lines, line_format
@@ -125,7 +125,7 @@ def test_ranges_of_windows_and_series_are_of_the_training_part(tmp_path):
     workspace, n = Workspace(tmp_path), 60
     part = np.repeat(["train", "validation", "test"], n // 3)
     x = np.random.default_rng(0).uniform(0, 1, (n, 18)).astype(np.float32) + 5 * (part != "train")[:, None]
-    windows = cards.read(live_models.linear(tmp_path / "windows"))
+    windows = consistent.read(live_models.linear(tmp_path / "windows"))
     assert training.trained_on(workspace, {}, windows) is None, "no dataset"
     dataset(workspace, "touch", "press", part, {"x": schemas.lists(x, pa.float32())})
     (found,) = training.trained_on(workspace, {}, windows)
@@ -137,7 +137,7 @@ def test_ranges_of_windows_and_series_are_of_the_training_part(tmp_path):
     columns = {"condition": names, "recording": names, "t_s": np.arange(n) / 5, "press": np.zeros(n, np.int32)}
     columns |= {"v": schemas.lists(x[:, :5], pa.float32()), "y": schemas.lists(x[:, :3], pa.float32())}
     dataset(workspace, "strain", "task_2", part, columns)
-    card = cards.read(live_models.series(tmp_path / "series"))
+    card = consistent.read(live_models.series(tmp_path / "series"))
     inputs = card.inputs.model_copy(update={"chosen": list(range(5))})
     card = card.model_copy(update={"protocol": "task_2", "inputs": inputs})
     (found,) = training.trained_on(workspace, {"sensor": {"channels": 5}}, card)
@@ -157,7 +157,7 @@ def test_ranges_of_images_are_of_the_readings_of_the_areas_that_the_model_sees(p
     part = np.where(np.arange(len(chosen)) % 2, "test", "train")
     dataset(workspace, "glove", protocol, part, {"t_s": frames["t_s"].to_numpy()[chosen]})
     schemas.write(workspace.frames("glove"), schema, [frames])
-    card = cards.read(live_models.images(tmp_path / "model")).model_copy(update={"protocol": protocol})
+    card = consistent.read(live_models.images(tmp_path / "model")).model_copy(update={"protocol": protocol})
     found = training.trained_on(workspace, settings, card)
     assert "".join(kind.name for kind in found) == areas
     trained = x[chosen[::2]]

@@ -22,7 +22,7 @@ from builders.project import ROOT
 from tactile.base import cards as base_cards
 from tactile.base.errors import InputError
 from tactile.inference import card as cards
-from tactile.inference import onnx_export, onnx_network, predictions, predictor, recordings
+from tactile.inference import consistent, onnx_export, onnx_network, predictions, predictor, recordings
 from tactile.targets import kept, read
 
 LONGEST_S, LARGEST_KB = 5.0, 500_000  # of processor time and of memory that a card may take
@@ -50,7 +50,7 @@ class Package(NamedTuple):
 def described(kind: str, folder: Path) -> Path:
     """Save a model whose card has all that a card can have."""
     model = live_models.calibrated(kind, folder) if kind in live_models.BOUNDS else None
-    card = model.card if model else cards.read(live_models.KINDS[kind](folder))
+    card = model.card if model else consistent.read(live_models.KINDS[kind](folder))
     seen = card.inputs.chosen or list(range(card.inputs.columns))
     known = {"margin": 1.0, "mean_low": 0.0, "mean_high": 900.0, "mean_margin": 1.0}
     first, parts = 0, {"p": 270, "s": 135} if kind == "images" else {"v": len(seen)}
@@ -191,7 +191,7 @@ def test_line_ends_that_git_changed_are_no_change(packages, tmp_path):
 
 def test_onnx_of_other_weights_is_refused_and_the_card_repeated_in_it_has_no_digest_of_it(packages, tmp_path):
     package = packages["series"].copied(tmp_path / "package")
-    path, card = package.folder / cards.ONNX, cards.read(package.folder)
+    path, card = package.folder / cards.ONNX, consistent.read(package.folder)
     model = onnx.load(path)
     held = {entry.key: entry.value for entry in model.metadata_props}
     assert cards.Card.model_validate_json(held["card"]).files.keys() == {"network.safetensors"}
@@ -246,7 +246,11 @@ def crafted(model: onnx.ModelProto) -> Iterator[tuple[str, onnx.ModelProto]]:
 def test_a_damaged_or_crafted_onnx_is_a_sentence(packages, kind, tmp_path, monkeypatch):
     """Also where the card names it as it is, as whoever crafts it can see to."""
     package = packages[kind].copied(tmp_path / "package")
-    path, card, whole = package.folder / cards.ONNX, cards.read(package.folder), onnx.load(package.folder / cards.ONNX)
+    path, card, whole = (
+        package.folder / cards.ONNX,
+        consistent.read(package.folder),
+        onnx.load(package.folder / cards.ONNX),
+    )
     largest = max(whole.graph.initializer, key=lambda each: len(each.raw_data))
     for place in (package.folder, tmp_path):
         (place / "weights.bin").write_bytes(largest.raw_data)

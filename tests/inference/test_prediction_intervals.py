@@ -12,7 +12,7 @@ from builders import live_models
 from tactile import models, tasks
 from tactile.base.paths import Workspace
 from tactile.datasets import schemas, series
-from tactile.inference import calibration, intervals, predictions, predictor
+from tactile.inference import calibration, consistent, intervals, predictions, predictor
 from tactile.inference import card as cards
 from tactile.inference.recordings import Predicted, Recording
 from tactile.learning.trained import Trained
@@ -184,7 +184,7 @@ def strain(tmp_path, monkeypatch):
     workspace = Workspace(tmp_path)
     workspace.dataset("strain").parent.mkdir(parents=True)
     schemas.write(workspace.dataset("strain"), table.schema, [table])
-    card = cards.read(live_models.series(tmp_path / "model"))
+    card = consistent.read(live_models.series(tmp_path / "model"))
     monkeypatch.setattr(tasks, "load", lambda *given: trained(Near()))
     monkeypatch.setattr(models, "build", lambda *given: None)
     monkeypatch.setattr(series_task, "adapted", lambda *given: Near())
@@ -207,7 +207,7 @@ def test_a_model_is_calibrated_on_the_presses_of_its_validation_part_alone(strai
     assert covered.width == pytest.approx(2 * x.value)
     monkeypatch.undo()
     package = tmp_path / "model"
-    cards.write(package, cards.read(package).model_copy(update={"calibration": given}))
+    cards.write(package, consistent.read(package).model_copy(update={"calibration": given}))
     said = predictor.load(package).intervals(np.array([[4.0, 7.0]]), np.full((1, 5), 2.0))
     wanted = {"x_low_mm": 4 - by_hand, "x_high_mm": 4 + by_hand, "y_low_mm": 7, "y_high_mm": 7}
     assert {name: float(values[0]) for name, values in said.items()} == pytest.approx(wanted)

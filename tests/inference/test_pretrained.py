@@ -25,7 +25,7 @@ from tactile.base.paths import Workspace
 from tactile.commands import predict
 from tactile.datasets import schemas, series, specimens
 from tactile.inference import card as cards
-from tactile.inference import packages, pictures, predictor, recordings, touches
+from tactile.inference import consistent, packages, pictures, predictor, recordings, touches
 from tactile.scoring import classification, metrics
 
 VALUES = params.load(ROOT / "params.yaml")
@@ -196,7 +196,7 @@ def test_a_model_that_is_not_there_is_named(name, problem, tmp_path):
 
 
 def test_touches_and_force_of_a_map():
-    card = cards.read(TOUCH)
+    card = consistent.read(TOUCH)
     sensor, label = card.reading["sensor"], card.reading["label"]
     from tactile.datasets import labels
 
@@ -258,7 +258,7 @@ def test_predict_needs_no_ground_truth(double, tmp_path):
 def test_a_log_is_read_as_the_card_says_that_it_is_laid_out(tmp_path):
     """As the logs were that the model was trained on."""
     log = write_log(tmp_path / "run" / "array.log")
-    card = cards.read(TOUCH)
+    card = consistent.read(TOUCH)
     usual = recordings.read(log, "run", card)
     log.write_text("\n\n".join(f"<{line.replace(',', ' ; ')}>" for line in log.read_text().splitlines()))
     ingest = card.reading["ingest"] | {"format": {"array.log": {"separator": "text"}}}
@@ -291,7 +291,7 @@ def test_a_restart_is_no_time_and_a_series_is_not_read_over_one(workspace, undra
         lines = [f"{0.2 * k + later_s * (k >= 300):.1f}," + ",".join([f"{2.5 + k / 1000:.3f}"] * 6) for k in range(600)]
         (tmp_path / "daq.log").write_text("\n".join(lines) + "\n")
         with pytest.raises(InputError, match="daq.log: the time steps back for good in line 301; .* divide the rec"):
-            recordings.read(tmp_path / "daq.log", "run", cards.read(STRAIN))
+            recordings.read(tmp_path / "daq.log", "run", consistent.read(STRAIN))
 
 
 def test_a_program_gets_the_summary_as_json(workspace, undrawn, tmp_path, monkeypatch):

@@ -7,8 +7,7 @@ from builders import live_models, own_logs
 from builders.project import ROOT, run_stage
 
 from tactile.base import files, params
-from tactile.inference import card as cards
-from tactile.inference import training_logs
+from tactile.inference import consistent, training_logs
 from tactile.stages import dataset, ingest, window
 
 ALL = ["train", "validation", "test"]
@@ -44,7 +43,7 @@ def test_a_model_that_starts_from_another_was_trained_on_the_logs_of_both(worksp
     folder = workspace.root / "data" / "own" / "sensor"
     own_logs.strain(folder, 4, 12.0, seconds=90.0)
     settings = made(workspace, monkeypatch, "strain", {"channels": 4}, {"ingest": {"rate_hz": 12}})
-    card = cards.read(live_models.series(tmp_path / "model"))
+    card = consistent.read(live_models.series(tmp_path / "model"))
     first, second = (f"{task}/{own_logs.NAMES[number]}" for number, task in enumerate(("task_0", "task_1")))
     given = workspace, settings, card
     assert known(*given, protocol="task_1") == {second: ALL}
@@ -64,7 +63,7 @@ def test_another_condition_is_of_the_test_part_alone(workspace, monkeypatch, tmp
     own_logs.touch(workspace.root / "data" / "own" / "sensor", 2, 3, 50.0, seconds=40.0)
     sensor = {"rows": 2, "cols": 3, "pitch_mm": 10.0, "element_mm": 9.0}
     settings = made(workspace, monkeypatch, "touch", sensor, {"label": {"map_rows": 8, "map_cols": 12}})
-    card = cards.read(live_models.linear(tmp_path / "model"))
+    card = consistent.read(live_models.linear(tmp_path / "model"))
     found = known(workspace, settings, card)
     assert found.pop("double/day 2, double") == ["test"]
     assert set(found) == {"single/day1_0", "single/day1_1"} and all("train" in parts for parts in found.values())

@@ -8,7 +8,7 @@ from safetensors.torch import load_file, save_file
 
 from tactile.base.errors import InputError
 from tactile.inference import card as cards
-from tactile.inference import predictor
+from tactile.inference import consistent, predictor
 from tactile.learning import weights
 
 CHANGES = [
@@ -28,7 +28,7 @@ CHANGES = [
 def test_tensors_of_other_shapes_are_a_sentence(kind, change, tmp_path):
     """Also where the card names the file as it is."""
     folder = live_models.series(tmp_path) if kind == "esn" else random_models.save(kind, tmp_path)
-    path, card = folder / weights.NETWORK_FILE, cards.read(folder)
+    path, card = folder / weights.NETWORK_FILE, consistent.read(folder)
     whole, refused = load_file(path), 0
     for name in whole:
         if whole[name].ndim == 0 or change(whole[name]).shape == whole[name].shape:

@@ -12,8 +12,7 @@ from builders.project import ROOT
 from PIL import Image
 
 from tactile.commands.live import Recorder
-from tactile.inference import card as cards
-from tactile.inference import predictor
+from tactile.inference import consistent, predictor
 from tactile.live import server, target_stream, truth
 from tactile.live.session import Session
 from tactile.live.source import Lines, line_format
@@ -218,11 +217,11 @@ def test_what_cannot_be_recorded_is_said(shown, tab, tmp_path, monkeypatch):
 def test_a_replay_shows_its_truth_and_records_nothing(shown, tab):
     log = ROOT / "data" / "sample" / "double" / "two_touches" / "array.log"
     folder = ROOT / "pretrained" / "touch" / "lomp_stream"
-    known = truth.beside(log, cards.read(folder))
+    known = truth.beside(log, consistent.read(folder))
     view = shown(folder, known=known.of)
     tab.run(RINGS)
     raw = log.read_bytes().splitlines(keepends=True)
-    taken = Lines(line_format(cards.read(folder)), "array.log", "the model")
+    taken = Lines(line_format(consistent.read(folder)), "array.log", "the model")
     first = next(
         k for k, line in enumerate(raw) if any(len(known.of(one).get("tips", ())) == 2 for one in taken.take(line))
     )

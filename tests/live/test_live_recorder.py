@@ -7,7 +7,7 @@ from builders.live_models import press, printed
 
 from tactile.base.errors import InputError
 from tactile.commands.live import Recorder
-from tactile.inference import card as cards
+from tactile.inference import consistent
 from tactile.live.source import Lines, line_format
 
 HEADER = b"t_us,v5,v4,v3,v2,v1,v0\n"
@@ -15,7 +15,7 @@ HEADER = b"t_us,v5,v4,v3,v2,v1,v0\n"
 
 @pytest.fixture
 def lines(package) -> Lines:
-    return Lines(line_format(cards.read(package("linear"))), "a port", "touch/linear")
+    return Lines(line_format(consistent.read(package("linear"))), "a port", "touch/linear")
 
 
 @pytest.fixture(autouse=True)

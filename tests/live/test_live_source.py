@@ -13,14 +13,14 @@ from tactile.base import params
 from tactile.base.errors import InputError
 from tactile.commands import live
 from tactile.experiments import touch
-from tactile.inference import card as cards
+from tactile.inference import consistent
 from tactile.live import source
 from tactile.live.source import Lines, line_format, line_layout, replay
 
 
 @pytest.fixture
 def lines(package) -> Lines:
-    card = cards.read(package("linear"))
+    card = consistent.read(package("linear"))
     return Lines(line_format(card), "array.log", "touch/linear")
 
 

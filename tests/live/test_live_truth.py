@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from builders.project import ROOT
 
-from tactile.inference import card as cards
-from tactile.inference import recordings
+from tactile.inference import consistent, recordings
 from tactile.live import truth
 from tactile.live.source import Lines, line_format
 
 LOG = ROOT / "data" / "sample" / "double" / "two_touches" / "array.log"
-CARD = cards.read(ROOT / "pretrained" / "touch" / "lomp_stream")
+CARD = consistent.read(ROOT / "pretrained" / "touch" / "lomp_stream")
 
 
 @pytest.fixture(scope="module")
