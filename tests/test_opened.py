@@ -11,7 +11,8 @@ from opened.sitecustomize import NATIVE
 
 # Python's own files are imported (test_architecture.py), settings are watched by their keys, and what stages write is
 # finished under another name: these are no results of another stage.
-OWN = re.compile(r"(pipeline(/\S+)?/__pycache__(/.*)?|.*\.pyc?|pipeline(/\w+)*|params\.yaml|params(/\w+\.yaml)?)")
+HOUSE = r"(pipeline|tactile)"
+OWN = re.compile(rf"({HOUSE}(/\S+)?/__pycache__(/.*)?|.*\.pyc?|{HOUSE}(/\w+)*|params\.yaml|params(/\w+\.yaml)?)")
 PROCESS = re.compile(r"\.\d+-[^/]+(?=\.unfinished)")  # in the name of its draft
 DRAFT = re.compile(r"(\.unfinished(?=/|$)|^data/\w+/unfinished/.*)")
 # Of the report of ingest these stages read whether there is anything to do. If not, frames and dataset are empty.
@@ -21,7 +22,7 @@ EVIDENCE = re.compile(r"evidence/(curves|kept|results|stress|studies)(/.*)?")  #
 # which stages it runs: those that make the last of what it reads.
 ALWAYS = {
     "this_machine": re.compile(
-        r"dvc\.lock|mlruns(/.*)?|mlflow\.db.*|data/\w+(/.*)?|tactile/scoring/published\.csv|evidence(/.*)?"
+        r"dvc\.lock|mlruns(/.*)?|mlflow\.db.*|data/\w+(/.*)?|pipeline/results/published\.csv|evidence(/.*)?"
         r"|reports(/look(/agreement\.md(\..*)?)?)?"
     ),
 }

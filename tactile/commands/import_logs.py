@@ -108,10 +108,9 @@ def write(
     with tempfile.TemporaryDirectory() as draft:
         formats, ways, refused = experiments.module(experiment).formats(settings, folder), {}, {}
         for name, fmt in formats.items():
+            ways[name], refused[name] = _sniffed(experiment, name, fmt, texts, settings)
             if known := origin.get(name):
-                ways[name] = [_told(texts, name, known, folder)]
-            else:
-                ways[name], refused[name] = _sniffed(experiment, name, fmt, texts, settings)
+                ways[name] = [_told(texts, name, known, folder, ways[name])]
         found = _assigned(ways)
         if (name := log_name(experiment)) in found and name not in origin and gains:
             _take_gain(found[name], formats[name], gains, settings["ingest"]["max_reject_fraction"])
@@ -238,13 +237,14 @@ def _take_gain(one: Found, fmt: Format, gains: Mapping[Path, Mapping], limit: fl
     one.proposal.guesses[:] = [*kept, f"{own_logs.ROUNDED} at the scale and offset of {place}"]
 
 
-def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path) -> Found:
-    """Return what origin.yaml says of a log."""
+def _told(texts: Mapping[str, Path], name: str, block: Mapping, folder: Path, ways: Sequence[Found]) -> Found:
+    """Return what origin.yaml says of a log, with the guesses of `ways` that it repeats: they stay guesses."""
     table, described = block.get(FROM), {key: value for key, value in block.items() if key != FROM}
     if table not in texts:
         raise InputError(f"{folder / ORIGIN}: {FROM} is '{table}', but the files are {', '.join(texts)}")
     params.check_block(described, layout.Layout, name, {name: str(folder / ORIGIN)})
-    return Found(table, texts[table], Proposal(described, []), True)
+    same = [one.proposal for one in ways if (one.table, one.proposal.layout) == (table, described)]
+    return Found(table, texts[table], same[0] if same else Proposal(described, []), True)
 
 
 def _write(path: Path, found: Found, fmt: Format, limit: float, key: str) -> str:

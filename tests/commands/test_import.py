@@ -179,7 +179,10 @@ def test_a_guess_is_marked_and_can_be_corrected(run0, tmp_path, capsys):
     assert "guessed: that 'weight' is fz_n" in capsys.readouterr().out
     assert "# guessed is that 'weight' is fz_n" in origin.read_text()
     assert matrix(logs_of_cell(run0))[:, 0] == pytest.approx(np.round(100 * FORCE))
-    origin.write_text(origin.read_text().replace("separator:", "scale: 0.01, separator:"))
+    first = origin.read_text()
+    imported(file, run0, "--of", "touch")
+    assert origin.read_text() == first  # who corrects nothing has confirmed nothing
+    origin.write_text(first.replace("separator:", "scale: 0.01, separator:"))
     imported(file, run0, "--of", "touch")
     assert matrix(logs_of_cell(run0))[:, 0] == pytest.approx(np.round(100 * FORCE) / 100)
     origin.write_text(origin.read_text().replace("scale:", "scael:"))
