@@ -4,7 +4,7 @@ A reading is outside where one of its columns, or the mean over them, lies beyon
 margin. The mean sees what no single column does: an array whose rest has shifted looks pressed a little everywhere.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Annotated
 
@@ -34,6 +34,7 @@ from tactile.base.cards import Words
 MARGIN = 0.15  # of the range of the widest column of a kind, so that a column that was constant has one, too
 MEAN_MARGIN = 0.1  # of the range of the mean
 MEAN_MARGIN_OF_TOUCHES = 0.5
+PART = 1 << 14  # readings that are compared at once
 Number = Annotated[float, Field(ge=-1e12, le=1e12)]
 
 
@@ -101,11 +102,18 @@ def excess(readings: np.ndarray, trained_on: Sequence[Columns]) -> np.ndarray:
     return np.concatenate(found, axis=1)
 
 
+def _parts(readings: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield some readings at a time: what is computed of them takes several times their memory."""
+    for first in range(0, len(readings), PART):
+        yield readings[first : first + PART]
+
+
 def outside(readings: np.ndarray, trained_on: Sequence[Columns] | None) -> np.ndarray:
     """Return which readings (n, columns) lie outside the training, (n,) bool; none where nothing is known of it."""
     if trained_on is None:
         return np.zeros(len(readings), bool)
-    return np.any(excess(readings, trained_on) > 1, axis=1)
+    parts = (np.any(excess(part, trained_on) > 1, axis=1) for part in _parts(readings))
+    return np.concatenate([np.zeros(0, bool), *parts])
 
 
 def summary(
@@ -123,8 +131,13 @@ def sentence(readings: np.ndarray, outside: np.ndarray, trained_on: Sequence[Col
 
     unit: of a reading, `any`: not known; lacking: what such readings do not have, as `interval`.
     """
-    far = excess(readings, trained_on)
-    row, k = np.unravel_index(np.nanargmax(far), far.shape)
+    furthest = []  # excess of each part, row and check of it
+    for first, part in zip(range(0, len(readings), PART), _parts(readings), strict=True):
+        far = excess(part, trained_on)
+        if not np.isnan(far).all():
+            row, k = np.unravel_index(np.nanargmax(far), far.shape)
+            furthest.append((far[row, k], first + row, k))
+    _, row, k = max(furthest, key=lambda each: each[0])
     what, of_reading, low, high = _checks(trained_on)[k]
     unit = "" if unit == "any" else f" {unit}"
     value = float(np.mean(readings[row, of_reading], dtype=float))

@@ -262,7 +262,9 @@ def predict(model: Predictor, recording: Recording, folder: Path | None = None) 
         place = np.arange(last - first) + np.cumsum(lost[first:last])  # of the readings, with the lost ones in between
         every = np.arange(place[-1] + 1)
         longest = max(longest, len(every))
-        whole = np.column_stack([np.interp(every, place, column) for column in x[first:last].T])
+        whole = x[first:last]
+        if len(every) > len(place):
+            whole = np.column_stack([np.interp(every, place, column) for column in whole.T])
         _put(predicted[first:last], place, model.in_parts(whole, step))
         beside = np.interp(every, place, none[first:last]) > 0  # also a lost reading beside one that is none
         outside[first:last] = model.outside(whole, step, beside)[place]

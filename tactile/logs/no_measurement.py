@@ -78,8 +78,11 @@ class Found(NamedTuple):
 def found(t_s: np.ndarray, x: np.ndarray) -> Found:
     """Return what is no measurement in readings x (n, channels) at times t_s (n,); of the frames of one number once."""
     constant = constant_frames(x)
-    rows = np.arange(len(x)) if constant is None else np.delete(np.arange(len(x)), constant.rows)
-    repeated, stuck = repeated_frames(x[rows]), stuck_channels(t_s[rows], x[rows])
+    rows = np.arange(len(x))
+    if constant is not None:
+        rows = np.delete(rows, constant.rows)
+        t_s, x = t_s[rows], x[rows]
+    repeated, stuck = repeated_frames(x), stuck_channels(t_s, x)
     if repeated is not None:
         repeated = repeated._replace(rows=rows[repeated.rows])
     stuck = [one._replace(first=int(rows[one.first]), stop=int(rows[one.stop - 1]) + 1) for one in stuck]
