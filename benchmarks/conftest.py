@@ -32,6 +32,7 @@ class Sizes(NamedTuple):
     name: str
     rounds: int  # of fast things; slow ones take 3
     log_mb: float  # the large log
+    hours: float  # of the log that is predicted
     frames: int  # of the frames table for window + dataset
     epochs: int  # of the strain LSTM
     samples: int  # of the series
@@ -41,8 +42,8 @@ class Sizes(NamedTuple):
     growth: growth.Sizes
 
 
-FULL = Sizes("full", 15, 1000, 600_000, 200, 24_000, 256, 1000, 24, growth.FULL)
-TINY = Sizes("tiny", 2, 4, 15_000, 2, 1500, 32, 64, 2, growth.TINY)
+FULL = Sizes("full", 15, 1000, 4, 600_000, 200, 24_000, 256, 1000, 24, growth.FULL)
+TINY = Sizes("tiny", 2, 4, 0.02, 15_000, 2, 1500, 32, 64, 2, growth.TINY)
 
 
 def pytest_addoption(parser):

@@ -24,10 +24,10 @@ BETWEEN_FAULTS = 2500  # lines
 SLOWER = 4  # times: a press of a frames table and its rest last as long as the scene's, 3.5 s
 
 
-def recording(folder: Path, megabytes: float) -> Path:
+def recording(folder: Path, megabytes: float, array_hz: int = ARRAY_HZ) -> Path:
     """Write array.log (about that large, faulty lines among the good), load_cell.log and cnc.log; returns `folder`."""
     folder.mkdir(parents=True)
-    seconds = megabytes * 1e6 / LINE_BYTES / ARRAY_HZ
+    seconds = megabytes * 1e6 / LINE_BYTES / array_hz
     knots, heights = _presses(seconds)
 
     def force(t: np.ndarray) -> np.ndarray:
@@ -42,7 +42,7 @@ def recording(folder: Path, megabytes: float) -> Path:
     with open(folder / "array.log", "wb") as file:
         file.write(b"tactile array 5x5 ready\n")
         kinds = itertools.cycle(["torn", "out of range", "duplicated"])  # all numbers: text would slow pandas down
-        for chunk in _chunks(seconds, ARRAY_HZ, BETWEEN_FAULTS):
+        for chunk in _chunks(seconds, array_hz, BETWEEN_FAULTS):
             lines = _lines(chunk, counts(chunk), boot_us=5_000_000)
             last = lines[lines.rindex(b"\n", 0, -1) + 1 :]
             clock = last.split(b",")[0]

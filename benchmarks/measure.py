@@ -25,7 +25,8 @@ UPDATES, EPOCHS = 5, 3  # of a network, timed together
 
 
 def measured(task: str, folder: Path, size: float = 0, worker: bool = False) -> dict:
-    """{'seconds', 'mb'} of a task: its time, and its largest memory and its children's less that of the imports.
+    """{'seconds', 'mb', 'imports_mb'} of a task: its time, its largest memory and its children's less that of the
+    imports, and the memory of the imports.
 
     worker: the process keeps its memory, as those do that the pipeline trains in.
     """
@@ -65,6 +66,18 @@ def ingest(folder: Path, _):
 
     workspace, settings = Workspace(folder), touch_settings() | {"source": "data/own/logs"}
     return lambda: ingest.ingest(workspace, "touch", settings)
+
+
+def predict(folder: Path, _):
+    """The array's log in `folder`/data/own/logs to predictions of the pretrained streaming LoMP: the command."""
+    import argparse
+
+    from tactile.commands import predict as command
+
+    given = argparse.Namespace(
+        model="touch/lomp_stream", logs=folder / "data/own/logs", out=folder / "out", no_pictures=True, json=False
+    )
+    return lambda: command.main(Workspace(folder), given)
 
 
 def dataset(folder: Path, _):
@@ -305,7 +318,7 @@ def shortened(block: Mapping, epochs: int) -> dict:
 TASKS = {
     function.__name__: function
     for function in (
-        *(read_log, read_log_pandas, ingest, dataset),
+        *(read_log, read_log_pandas, ingest, predict, dataset),
         *(lomp_epoch, lomp_epoch_elements, lomp_latency, lomp_updates, lomp_updates_looped, lomp_updates_stacked),
         *(cnn_epoch, lomp_predictions),
         *(lstm_epochs, lstm_epochs_plain, sp_resnet_epoch, sp_resnet_epoch_plain),
@@ -350,13 +363,16 @@ def main() -> None:
         import torch
 
         torch.set_num_threads(1)
+    if task == "predict":
+        from tactile.inference import predictions, recordings  # noqa: F401
     before = _memory_mb("VmRSS")
     prepared = TASKS[task](Path(folder), float(size))
     with _children_mb() as children_mb:
         began = time.perf_counter()
         prepared()
         seconds = time.perf_counter() - began
-    print(json.dumps({"seconds": seconds, "mb": _memory_mb("VmHWM") - before + children_mb[0]}))
+    most = _memory_mb("VmHWM") + children_mb[0]
+    print(json.dumps({"seconds": seconds, "mb": most - before, "imports_mb": before}))
 
 
 if __name__ == "__main__":

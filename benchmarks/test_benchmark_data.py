@@ -88,6 +88,27 @@ def test_ingest_stage(record, sizes, recording):
     record("ingest_memory", what="largest memory of the stage", unit="GB", ours=ours, peer=peer, most=2, **shared)
 
 
+def test_memory_of_two_recordings(record, sizes, tmp_path):
+    """Two processes read them at once, where the machine has the memory."""
+    for run in ("run0", "run1"):
+        made.recording(tmp_path / made.LOGS / run, 1.28 * sizes.log_mb)
+    held = measured("ingest", tmp_path)["mb"] / 1e3
+    what = f"largest memory of the stage, two recordings of {1.28 * sizes.log_mb:.0f} MB"
+    record("ingest_memory_two", what=what, unit="GB", ours=held, most=1.5, rounds=1, threads=os.cpu_count())
+
+
+def test_memory_of_predict(record, sizes, tmp_path):
+    """Also that of the imports counts, which `measured` leaves out."""
+    hz = 50
+    made.recording(tmp_path / made.LOGS / "run0", sizes.hours * 3600 * hz * made.LINE_BYTES / 1e6, hz)
+    run = measured("predict", tmp_path)
+    what = f"largest memory of `tactile predict touch/lomp_stream`, {sizes.hours:g} hours at {hz} Hz, imports included"
+    shared = {"rounds": 1, "threads": 1}
+    record("predict_memory", what=what, unit="MB", ours=run["mb"] + run["imports_mb"], most=700, **shared)
+    what = f"the same: readings a second, of {sizes.hours * 3600 * hz:.0f}"
+    record("predict_speed", what=what, unit="1/s", ours=sizes.hours * 3600 * hz / run["seconds"], **shared)
+
+
 def test_dataset(record, sizes, tmp_path, monkeypatch):
     workspace = Workspace(tmp_path)
     made.frames_file(workspace.frames("touch"), sizes.frames, made.touch_settings())

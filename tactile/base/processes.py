@@ -4,6 +4,7 @@ Only the standard library is imported: evidence/run.py begins where nothing else
 """
 
 import ctypes
+import os
 import platform
 import signal
 import sys
@@ -40,6 +41,14 @@ def processor() -> str:
     except OSError:
         names = []
     return names[0] if names else platform.processor() or platform.machine()
+
+
+def memory_bytes() -> float:
+    """Return how much memory this machine has; inf where the system does not say it."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):  # Windows has none of these names
+        return float("inf")
 
 
 @contextmanager

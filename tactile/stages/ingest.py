@@ -16,12 +16,13 @@ import pyarrow as pa
 from tqdm import tqdm
 
 from tactile import experiments
-from tactile.base import arguments, files, params, paths, workers
+from tactile.base import arguments, files, params, paths, processes, workers
 from tactile.base.errors import InputError
 from tactile.base.paths import Workspace
 from tactile.datasets import schemas
 from tactile.logs import own_data, sources
 
+MEMORY = 2.5  # bytes that reading holds of a byte of logs: 645 MB of a recording of 256 MB
 SMALL = 16 << 20  # bytes of logs: one process reads most in a second, and to start others takes three
 Read = tuple[str, pa.Table, dict]  # `condition/recording`, its rejects, its report
 
@@ -77,7 +78,7 @@ def _write_frames(
 
     Returns a table of rejects per recording, and recording -> report.
     """
-    read_all = _in_turn if _is_small(recordings) or workers.count() == 1 else _in_processes
+    read_all = _in_processes if _several(recordings) else _in_turn
     rejects, reports = [], {}
     with schemas.writing(workspace.frames(experiment), schema) as write_part, _behind(write_part) as write_later:
         with tqdm(total=len(recordings), desc=f"ingest {experiment}", unit="recording") as bar:
@@ -87,10 +88,19 @@ def _write_frames(
     return rejects, reports
 
 
-def _is_small(recordings: list[Path]) -> bool:
-    """Tell whether one process reads the recordings as soon as several would: a single one, or little in all."""
-    logs = itertools.chain.from_iterable(path.rglob("*") if path.is_dir() else [path] for path in recordings)
-    return len(recordings) == 1 or sum(path.stat().st_size for path in logs) < SMALL
+def _several(recordings: list[Path]) -> bool:
+    """Tell whether processes read the recordings: where they are sooner done than one, and have memory beside others.
+
+    They are not for a single recording, nor for little in all. On a cluster memory is its own matter.
+    """
+    count = workers.count()
+    if len(recordings) == 1 or count == 1:
+        return False
+    files_of = (path.rglob("*") if path.is_dir() else [path] for path in recordings)
+    sizes = sorted(sum(path.stat().st_size for path in of_one) for of_one in files_of)
+    if isinstance(count, str):
+        return sum(sizes) >= SMALL
+    return sum(sizes) >= SMALL and MEMORY * sum(sizes[-count:]) < processes.memory_bytes() / 2
 
 
 @contextmanager

@@ -179,6 +179,24 @@ def test_the_number_of_processes_changes_no_byte(workspace, three_recordings, mo
     assert outputs(workspace.root) == three_recordings
 
 
+@pytest.mark.parametrize(("logs_held", "in_turn"), [(1.9, True), (2.1, False)])
+def test_recordings_too_large_for_the_memory_are_read_one_by_one(
+    logs_held, in_turn, workspace, three_recordings, monkeypatch
+):
+    """logs_held: how many times the memory has room for two recordings at once, of which half is ours."""
+    sizes = sorted(
+        sum(log.stat().st_size for log in run0.iterdir())
+        for run0 in (workspace.root / "data/touch/logs/single").iterdir()
+    )
+    monkeypatch.setattr(ingest, "SMALL", 0)
+    monkeypatch.setattr(ingest.processes, "memory_bytes", lambda: logs_held * ingest.MEMORY * sum(sizes[-2:]))
+    monkeypatch.setenv("WORKERS", "2")
+    other = "_in_processes" if in_turn else "_in_turn"
+    monkeypatch.setattr(ingest, other, lambda *_: pytest.fail(f"{other} was called"))
+    run(workspace)
+    assert outputs(workspace.root) == three_recordings
+
+
 def test_recordings_that_are_done_in_another_order_are_written_in_theirs(workspace, three_recordings, monkeypatch):
     """Also those whose frames are made in several parts, which pass through as many files."""
     run_tasks, parts = ingest.workers.run, []
