@@ -119,7 +119,9 @@ def check_target(
             print(f"  {finding}")
         if problems:
             return to_fix(experiment, folder, settings, found, problems)
-        data = target_logs.own(experiment, folder, settings, asked)
+        sensor = {folder / name / log_name(experiment): logs[log_name(experiment)] for name, logs in read.items()}
+        rows = {path: (log.rows, log.rejects) for path, log in sensor.items()}
+        data = target_logs.own(experiment, folder, settings, asked, rows)
         print("\n".join(target_logs.said(data)))
     except InputError as error:
         return str(error)

@@ -6,6 +6,7 @@ follows (types, ranges, order, packets) is the same for every log. Ingest, check
 
 import codecs
 import csv
+import functools
 import gzip
 import io
 import re
@@ -31,6 +32,7 @@ LATEST = 10**18  # in the unit of a log; a time beyond is none
 MOST_DIGITS = 40  # of a time in any unit
 MOST_ALIKE = 10_000  # lines of one time that are spread; a clock that stands still for longer has no times
 NANOSECONDS = {unit: round(size) for unit, size in units.SIZES["time"].items()}
+SEEN = 1 << 14  # fields whose kind is remembered: `check` asks it of each about ten times
 MOST_SAID = 1000  # different words of lines whose units are remembered
 SAME_SCALE = 0.01  # by which a scale may differ from that of a unit
 GZIP = b"\x1f\x8b"
@@ -144,6 +146,7 @@ def beside(words: tuple[str, ...], separator: str) -> Sequence[units.Beside]:
     return [units.NOTHING if word else next(found) for word in words]
 
 
+@functools.lru_cache(SEEN)
 def with_point(field: str, decimal: str) -> str:
     """Return a number's text with a decimal point and without signs between thousands."""
     if " " in field or "\t" in field:  # behind its sign
@@ -153,11 +156,13 @@ def with_point(field: str, decimal: str) -> str:
     return field.replace(",", ".") if decimal == "," else field
 
 
+@functools.lru_cache(SEEN)
 def is_number(field: str) -> bool:
     """Tell whether a field is a finite number."""
     return _FLOAT.fullmatch(field) is not None
 
 
+@functools.lru_cache(SEEN)
 def is_missing(field: str) -> bool:
     """Tell whether a field is empty or says that there is no value."""
     return not field or _NAN.fullmatch(field) is not None

@@ -5,6 +5,7 @@ several columns is the force.
 """
 
 import io
+import itertools
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -335,7 +336,7 @@ def _tables(lines: Sequence[str], least: int) -> Iterator[_Table]:
                 continue
             good = known[:, numeric].all(axis=1)
             values = np.full(numbers.shape, np.nan)
-            values[numbers] = [float(split[rows[k]][c]) for k, c in np.argwhere(numbers)]
+            values[numbers] = [float(field) for k in rows for field in itertools.compress(split[k], is_number[k])]
             first = rows[good.argmax()]
             yield _Table(separator, decimal, width, numeric, values[good], good.sum() / filled, first, split[first])
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -58,9 +59,16 @@ class Data(NamedTuple):
     series: list[Series]
 
 
-def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
+def own(
+    experiment: str,
+    folder: Path,
+    settings: Mapping,
+    asked: Asked,
+    read: Mapping[Path, tuple[pa.Table, pa.Table]] = MappingProxyType({}),
+) -> Data:
     """Return the recordings <1>/<2>/<log> of a sensor of one's own; settings: the block of its experiment.
 
+    read: path of a sensor's log -> its rows and rejects, of logs that need not be read once more.
     Raises InputError as the readers do, for a log that is there more than once, and for a path that names no group, a
     truth that is not there, is of another clock or, in the name of a folder, no number.
     """
@@ -70,7 +78,9 @@ def own(experiment: str, folder: Path, settings: Mapping, asked: Asked) -> Data:
     series = []
     for path in paths:
         name = "/".join(path.parts[-2:])
-        time_s, segment, reading, _ = sensor_log(path / log_name(experiment), experiment, settings)
+        place = path / log_name(experiment)
+        rows, _ = read.get(place) or sensor_rows(place, experiment, settings)
+        time_s, segment, reading = readings(rows, sensor_format(experiment, settings))
         truth, known = truth_of(path, asked.target, experiment, settings, time_s, segment)
         press = votes(path, asked.target, experiment, settings, time_s, segment, truth)
         counted = np.where(known, press, -1)
@@ -107,11 +117,20 @@ def as_trained(readings: np.ndarray, here: Mapping, trained: Mapping) -> np.ndar
 
 def sensor_log(path: Path, experiment: str, settings: Mapping) -> Readings:
     """Return the readings of a sensor's log; errors as `parse.read_log`."""
+    rows, rejects = sensor_rows(path, experiment, settings)
+    return Readings(*readings(rows, sensor_format(experiment, settings)), rejects)
+
+
+def sensor_rows(path: Path, experiment: str, settings: Mapping) -> tuple[pa.Table, pa.Table]:
+    """Return the rows and the rejects of a sensor's log; errors as `parse.read_log`."""
     fmt, name = sensor_format(experiment, settings), log_name(experiment)
-    rows, rejects = log(path, fmt, experiment, settings, layout.of(settings["ingest"], name))
-    readings = [column for column in rows.column_names if column not in (fmt.time, "line", "segment")]
-    reading = np.column_stack([rows[column].to_numpy() for column in readings])
-    return Readings(rows[fmt.time].to_numpy() / second(fmt), rows["segment"].to_numpy(), reading, rejects)
+    return log(path, fmt, experiment, settings, layout.of(settings["ingest"], name))
+
+
+def readings(rows: pa.Table, fmt: Format) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return time (s) and segment, both (n,), and the readings (n, elements) of the rows of a sensor's log."""
+    reading = np.column_stack([rows[column].to_numpy() for column in fmt.names[1:]])
+    return rows[fmt.time].to_numpy() / second(fmt), rows["segment"].to_numpy(), reading
 
 
 def log(
