@@ -1,9 +1,10 @@
 """Compare this machine's scores with the committed ones of evidence/look.csv: reports/look/agreement.md.
 
-Networks are trained to other last digits by other processors, and from there apart; how far apart a number may be is
-the spread over starts and specimens that the evidence has for it. The report is of this machine and this moment, so
-neither git nor DVC keeps it. With `accept`, the scores of this machine become the committed ones; those of experiments
-that did not run here stay.
+Networks are trained to other last digits by processors of another make, and from there apart. The file has the look of
+several makes: a machine is compared with its own, or else with the first of the file. Then a number may be as far off
+as the evidence's spread over starts and specimens, or as two draws are from each other that are spread as the makes of
+the file. The report is of this machine and this moment, so neither git nor DVC keeps it. With `accept`, the scores of
+this machine become those of its make; those of experiments that did not run here stay.
 Usage: python -m pipeline.stages.agreement [accept]
 """
 
@@ -12,14 +13,16 @@ import pandas as pd
 
 from pipeline.results import shards
 from pipeline.results.claim_inputs import FULL, HALF
-from tactile.base import arguments, files, params
+from tactile.base import arguments, files, params, processes
 from tactile.base.paths import Workspace
 from tactile.drawing.markdown import table
 from tactile.scoring import estimates
 
 GROUP = ["experiment", "protocol", "condition", "model", "metric"]
 KEY = [*GROUP, "seed"]
-ROWS = [*KEY, "unit", "value", "n"]  # of look.csv
+ROWS = [*KEY, "unit", "value", "n"]  # of scores
+MADE = [*ROWS, "make"]  # of look.csv
+DRAWS = 2.0  # times their usual difference is the most that 95 % of pairs of draws differ by
 LEAST = 0.02  # of the value: three seeds can be closer together by chance than other digits may take them apart
 ROUNDING = 1e-6
 VERDICTS = ("to the bit", "to six digits", "within tolerance", "beyond", "only here", "only committed")
@@ -44,26 +47,47 @@ def spreads(evidence: pd.DataFrame) -> pd.Series:
     return full.combine_first(half)
 
 
-def tolerances(committed: pd.DataFrame, spread: pd.Series) -> pd.Series:
-    """Return how far each committed number may be off, in its own unit, at least LEAST of its value; spread: as above.
+def of_makes(committed: pd.DataFrame) -> pd.Series:
+    """Return (experiment, model, metric) -> usual difference (root mean square) of the looks of several makes.
 
-    A protocol that the evidence lacks has the largest spread of the others of its condition.
+    committed: rows of look.csv. In the unit of `spreads`; without several makes there is none.
+    """
+    wide = committed.pivot_table("value", KEY, "make", sort=False)
+    first, others = wide.iloc[:, 0], wide.iloc[:, 1:]
+    relative = first.index.get_level_values("metric").map(estimates.scale_of) == estimates.LOG
+    unit = np.where(relative, first.abs(), 1.0)
+    square = others.sub(first, axis=0).div(unit, axis=0).pow(2).stack()
+    return np.sqrt(square.groupby(["experiment", "model", "metric"]).mean())
+
+
+def tolerances(reference: pd.DataFrame, spread: pd.Series, makes: pd.Series) -> pd.Series:
+    """Return how far each number of `reference` may be off, in its own unit, at least LEAST of its value.
+
+    spread: see `spreads`; a protocol that the evidence lacks has the largest of the others of its condition. makes: see
+    `of_makes`.
     """
     of_others = spread.groupby(["experiment", "condition", "model", "metric"]).max()
-    own = spread.reindex(pd.MultiIndex.from_frame(committed[GROUP])).to_numpy(float)
-    others = of_others.reindex(pd.MultiIndex.from_frame(committed[of_others.index.names])).to_numpy(float)
-    size = committed["value"].abs()
-    relative = committed["metric"].map(estimates.scale_of) == estimates.LOG
-    known = np.nan_to_num(np.where(np.isnan(own), others, own))
-    return np.maximum(known * size.where(relative, 1.0), LEAST * size)
+    relative = reference["metric"].map(estimates.scale_of) == estimates.LOG
+
+    def known(of: pd.Series) -> np.ndarray:
+        return of.reindex(pd.MultiIndex.from_frame(reference[of.index.names])).to_numpy(float)
+
+    own = np.where(np.isnan(known(spread)), known(of_others), known(spread))
+    size = reference["value"].abs()
+    most = np.fmax(np.nan_to_num(own), np.nan_to_num(DRAWS * known(makes)))
+    return np.maximum(most * size.where(relative, 1.0), LEAST * size)
 
 
-def compare(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series) -> pd.DataFrame:
-    """Return KEY, `value`, `here`, `tolerance` and one of VERDICTS for every number of either table (KEY, `value`).
+def compare(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series, make: str) -> pd.DataFrame:
+    """Return KEY, `value`, its `make`, `here`, `tolerance` and one of VERDICTS for every number of either table.
 
-    spread: see `spreads`. Two failed runs (NaN) agree; a failed one and a number do not.
+    committed: rows of look.csv, of which those of this `make` are compared with, and of an experiment that it lacks
+    those of the first; scores: KEY and `value`; spread: see `spreads`. Two failed runs (NaN) agree; a failed one and a
+    number do not.
     """
-    there = committed[[*KEY, "value"]].assign(tolerance=tolerances(committed, spread))
+    chosen = committed.groupby("experiment")["make"].agg(lambda makes: make if make in set(makes) else makes.iloc[0])
+    reference = committed[committed["make"] == committed["experiment"].map(chosen)]
+    there = reference[[*KEY, "value", "make"]].assign(tolerance=tolerances(reference, spread, of_makes(committed)))
     merged = there.merge(scores[[*KEY, "value"]].rename(columns={"value": "here"}), "outer", KEY, indicator=True)
     both, off = merged["_merge"] == "both", (merged["here"] - merged["value"]).abs()
     same = (merged["here"] == merged["value"]) | (merged["here"].isna() & merged["value"].isna())
@@ -78,23 +102,28 @@ def compare(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series) ->
     return merged
 
 
-def report(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series) -> tuple[str, str]:
+def report(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series, make: str) -> tuple[str, str]:
     """Return agreement.md and its first sentence. Experiments without a score here are named, not compared."""
-    absent = committed[~committed["experiment"].isin(scores["experiment"])]["experiment"].value_counts(sort=False)
-    numbers = compare(committed[~committed["experiment"].isin(absent.index)], scores, spread)
+    lacking = committed[~committed["experiment"].isin(scores["experiment"])]
+    absent = lacking.drop_duplicates(KEY)["experiment"].value_counts(sort=False)
+    numbers = compare(committed.drop(lacking.index), scores, spread, make)
     counts = numbers["verdict"].value_counts().reindex(VERDICTS, fill_value=0)
     compared = counts.sum() - counts["only here"]
     said = ", ".join(f"{counts[name]} {name}" for name in VERDICTS if counts[name] or name == VERDICTS[0])
     sentence = f"{counts.iloc[:3].sum()} of {compared} numbers agree: {said}."
     if len(absent):
         held = ", ".join(f"{experiment} ({count})" for experiment, count in absent.items())
-        sentence += f" No scores here: {held} of {len(committed)} committed numbers; `tactile fetch` gets recordings."
+        total = len(committed.drop_duplicates(KEY))
+        sentence += f" No scores here: {held} of {total} committed numbers; `tactile fetch` gets recordings."
+    others = numbers[numbers["make"] != make].groupby("make")["experiment"].unique()
+    compared = [f"{', '.join(names)} with a processor of {name}" for name, names in others.items()]
     by_experiment = numbers.groupby("experiment", sort=False)["verdict"].value_counts().unstack(fill_value=0)
     cells = by_experiment.reindex(columns=VERDICTS, fill_value=0).astype(str)
     lines = [
         "# Agreement of this machine's look with the committed one\n",
-        f"{sentence} Tolerance: the standard deviation over starts and specimens of the evidence, at least "
-        f"{100 * LEAST:.0f} % of the value.\n",
+        f"{sentence} Compared is {' and '.join(compared) or f'with a processor of {make}, the make of this one'}. "
+        "Tolerance: the standard deviation over starts and specimens of the evidence, at least "
+        f"{100 * LEAST:.0f} % of the value and {DRAWS:g} times the usual difference of two makes.\n",
         table(["experiment", *VERDICTS], [[name, *row] for name, row in zip(cells.index, cells.values, strict=True)]),
     ]
     wrong = numbers[~numbers["verdict"].isin(VERDICTS[:3])]
@@ -108,12 +137,17 @@ def report(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series) -> 
     return "\n".join(lines), sentence
 
 
-def accept(workspace: Workspace, scores: pd.DataFrame) -> None:
-    """Write the scores of this machine to look.csv, in place of those of the same experiments."""
-    path = workspace.root / COMMITTED
-    former = estimates.read_csv(path, ROWS, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
-    others = former[~former["experiment"].isin(scores["experiment"])]
-    files.write_table(path, pd.concat([scores, others])[ROWS], missing="nan")
+def accept(workspace: Workspace, scores: pd.DataFrame, make: str) -> None:
+    """Write the scores of this machine to look.csv, in place of those of the same experiments and make.
+
+    The makes stay in their order, as the first is what others are compared with.
+    """
+    path, scores = workspace.root / COMMITTED, scores.assign(make=make)
+    former = estimates.read_csv(path, MADE, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
+    others = former[~(former["experiment"].isin(scores["experiment"]) & (former["make"] == make))]
+    rank = {name: number for number, name in enumerate(dict.fromkeys([*former["make"], make]))}
+    rows = pd.concat([scores, others]).sort_values("make", key=lambda names: names.map(rank), kind="stable")
+    files.write_table(path, rows[MADE], missing="nan")
     print(f"{COMMITTED}: {len(scores)} numbers of this machine, {len(others)} as they were")
 
 
@@ -124,12 +158,12 @@ def main(workspace: Workspace) -> None:
     here = [estimates.read_csv(workspace.scores(name), ROWS, "dvc repro evaluate") for name in experiments]
     scores = pd.concat([part for part in here if len(part)] or here)
     if given.what == ACCEPT:
-        accept(workspace, scores)
+        accept(workspace, scores, processes.make())
         return
     path = workspace.root / COMMITTED
-    committed = estimates.read_csv(path, ROWS, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
+    committed = estimates.read_csv(path, MADE, f"git checkout {COMMITTED}") if path.exists() else scores[:0]
     if len(committed):
-        text, sentence = report(committed, scores, spreads(shards.read(workspace)))
+        text, sentence = report(committed, scores, spreads(shards.read(workspace)), processes.make())
     else:
         sentence = (
             f"Not compared: there is no number in {COMMITTED}; `python -m pipeline.stages.agreement accept` writes it."

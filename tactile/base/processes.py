@@ -6,6 +6,7 @@ Only the standard library is imported: evidence/run.py begins where nothing else
 import ctypes
 import os
 import platform
+import re
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -41,6 +42,11 @@ def processor() -> str:
     except OSError:
         names = []
     return names[0] if names else platform.processor() or platform.machine()
+
+
+def make() -> str:
+    """Return who made this machine's processor, the first word of its name: AMD, Intel, Apple."""
+    return re.split(r"[^A-Za-z]", processor().strip(), maxsplit=1)[0] or "unknown"
 
 
 def memory_bytes() -> float:

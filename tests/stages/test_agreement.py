@@ -37,9 +37,18 @@ def evidence(of: dict, **place) -> pd.DataFrame:
 SHARDS = {"full": (4.0, 5.0, 6.0), "half": (1.0, 5.0, 9.0)}  # of standard deviation 1, a fifth of the mean
 
 
-def verdict(value: float, committed=(), kept=None, **place) -> str:
+def made(table: pd.DataFrame, make: str = "AMD") -> pd.DataFrame:
+    return table.assign(make=make)
+
+
+def verdict(value: float, committed=(), kept=None, others=(), make="AMD", **place) -> str:
+    """others: make -> values of its look as of `scores`; make: of this machine."""
     spread = agreement.spreads(evidence(SHARDS) if kept is None else kept)
-    found = agreement.compare(scores(committed, **place), scores({("cnn", 1): value}, **place), spread)
+    there = [
+        made(scores(committed, **place)),
+        *(made(scores(one, **place), name) for name, one in dict(others).items()),
+    ]
+    found = agreement.compare(pd.concat(there), scores({("cnn", 1): value}, **place), spread, make)
     return found.set_index(["model", "seed"])["verdict"]["cnn", 1]
 
 
@@ -49,7 +58,8 @@ def test_every_verdict_can_be_had():
     assert verdict(13.1) == verdict(8.9) == "within tolerance", "a fifth of the value, as the evidence's seeds differ"
     assert verdict(13.3) == verdict(8.7) == verdict(np.nan) == "beyond"
     assert verdict(np.nan, {("cnn", 1): np.nan}) == "to the bit"
-    others = agreement.compare(scores(), scores(models=("cnn", "rnn")), agreement.spreads(evidence(SHARDS)))
+    spread = agreement.spreads(evidence(SHARDS))
+    others = agreement.compare(made(scores()), scores(models=("cnn", "rnn")), spread, "AMD")
     assert others["verdict"].value_counts().to_dict() == {"to the bit": 3, "only here": 3, "only committed": 3}
 
 
@@ -70,10 +80,29 @@ def test_the_tolerance_is_the_spread_of_the_evidence():
     assert verdict(11.3, kept=two, protocol="random_window") == "beyond", "but its own, where it has one"
 
 
+def test_a_machine_is_compared_with_its_own_make():
+    others = {"Intel": {("cnn", 1): 11.5}}
+    nothing = evidence({"full": ()})
+    assert verdict(11.5, kept=nothing, others=others, make="Intel") == "to the bit"
+    assert verdict(11.5, kept=nothing, make="Intel") == "beyond", "without its own with the first"
+    assert verdict(11.0, kept=nothing, others=others, make="Apple") == "to the bit"
+
+
+def test_two_makes_tell_how_far_a_third_may_be_off():
+    """They differ by 1/11 at one of three seeds: the usual difference is 5.2 %, twice that 10.5 % of 11."""
+    others = {"Intel": {("cnn", 1): 12.0}}
+    nothing = evidence({"full": ()})
+    assert verdict(12.1, kept=nothing, others=others, make="Apple") == "within tolerance"
+    assert verdict(12.2, kept=nothing, others=others, make="Apple") == "beyond"
+    linear = {"Intel": {("linear", 1): 22.0}}
+    assert verdict(11.3, kept=nothing, others=linear, make="Apple") == "beyond", "of another model"
+
+
 @pytest.fixture
 def project(workspace, monkeypatch):
     """A workspace with scores of two experiments, of which one did not run."""
     monkeypatch.setattr(params, "load", lambda _: {"experiments": ["touch", "glove"]})
+    monkeypatch.setattr(agreement.processes, "make", lambda: "AMD")
     here = scores({("cnn", 0): 1 / 3, ("cnn", 1): np.nan})
     for name, table in {"touch": here, "glove": here[:0]}.items():
         files.write_table(workspace.scores(name), table, missing="nan")
@@ -91,7 +120,7 @@ def test_the_committed_look_is_written_by_a_call_of_its_own_alone(project, monke
     said = "there is no number in evidence/look.csv; `python -m pipeline.stages.agr"
     assert said in run(monkeypatch, capsys, project) and not committed.exists()
     committed.parent.mkdir(exist_ok=True)
-    committed.write_text(",".join(agreement.ROWS) + "\n")
+    committed.write_text(",".join(agreement.MADE) + "\n")
     assert said in run(monkeypatch, capsys, project), "nor has a table without a row one"
     assert (project.look / "agreement.md").read_text().count("Not compared") == 1
     run(monkeypatch, capsys, project, "accept")
@@ -114,8 +143,22 @@ def test_scores_of_what_did_not_run_here_stay_committed(project, monkeypatch, ca
     assert said.startswith("6 of 6 numbers agree: 6 to the bit. No scores here: touch (6) of 12 committed numbers")
 
 
+def test_the_look_of_another_make_stands_behind_that_of_the_first(project, monkeypatch, capsys):
+    run(monkeypatch, capsys, project, "accept")
+    monkeypatch.setattr(agreement.processes, "make", lambda: "Intel")
+    files.write_table(project.scores("touch"), scores({("cnn", 0): 1 / 3, ("cnn", 1): 4.0}))
+    assert "1 beyond" in run(monkeypatch, capsys, project)
+    assert "touch with a processor of AMD" in (project.look / "agreement.md").read_text()
+    run(monkeypatch, capsys, project, "accept")
+    assert run(monkeypatch, capsys, project) == "6 of 6 numbers agree: 6 to the bit.\n"
+    assert list(pd.read_csv(project.root / agreement.COMMITTED)["make"]) == ["AMD"] * 6 + ["Intel"] * 6
+
+
 def test_the_committed_look_is_of_every_experiment_and_agrees_with_itself():
     committed = pd.read_csv(ROOT / agreement.COMMITTED, dtype={"condition": str})
     assert set(committed["experiment"]) == set(params.load(ROOT / "params.yaml")["experiments"])
-    found = agreement.compare(committed, committed, agreement.spreads(shards.read(Workspace(ROOT))))
-    assert set(found["verdict"]) == {"to the bit"} and (found["tolerance"] > 0).mean() > 0.9
+    spread = agreement.spreads(shards.read(Workspace(ROOT)))
+    for make, of_make in committed.groupby("make", sort=False):
+        found = agreement.compare(committed, of_make, spread, make)
+        found = found[found["experiment"].isin(of_make["experiment"])]
+        assert set(found["verdict"]) == {"to the bit"} and (found["tolerance"] > 0).mean() > 0.9
