@@ -218,8 +218,16 @@ def _laid_out(lines: list[str], fmt: Format, path: Path) -> Proposal | None:
         common["strip"] = [CHECKSUM]
         lines, filled = ([re.sub(CHECKSUM, "", line) for line in some] for some in (lines, filled))
     if patterns := list(_patterns(filled)):
-        ways = (_stamped(lines, fmt, common, _by_day(pattern, path)) for pattern in patterns)
-        return next(filter(None, ways), None)  # of 12:00:00,512 the end is a fraction or a reading
+        refused = []
+        for pattern in patterns:  # of 12:00:00,512 the end is a fraction or a reading
+            try:
+                if found := _stamped(lines, fmt, common, _by_day(pattern, path)):
+                    return found
+            except InputError as error:
+                refused.append(error)
+        if refused:
+            raise refused[0]
+        return None
     return _of_rows(lines, fmt, common, timed=True) or _of_frames(lines, fmt, common)
 
 
@@ -315,7 +323,7 @@ def _tables(lines: Sequence[str], least: int) -> Iterator[_Table]:
     for separator in (*SEPARATORS, layout.TEXT):
         blanks = " \t" if separator == layout.TEXT else f" \t{separator}"
         for decimal in ".,":
-            if decimal == "," and separator == layout.TEXT:  # 12,13 would be one number
+            if decimal == "," and separator == layout.TEXT and not _decimal_commas(lines):
                 continue
             if (least > 1 and not _divides(separator, lines)) or (decimal == "," and not _divides(decimal, lines)):
                 continue
@@ -346,6 +354,12 @@ def _divides(mark: str, lines: Sequence[str]) -> bool:
     if mark == layout.TEXT:
         return True
     return any(len(line.split(None, 1)) > 1 if mark == " " else mark in line for line in lines)
+
+
+def _decimal_commas(lines: Sequence[str]) -> bool:
+    """Tell whether commas divide no numbers: another mark does, and each comma stands between two digits."""
+    rows = [line for line in lines if re.search("[0-9]", line)]
+    return _in_most(r"^([^,]|(?<=[0-9]),(?=[0-9]))*$", rows) and _in_most(r"[;|\t]", rows)
 
 
 def _in_pairs(lines: Sequence[str]) -> bool:
@@ -499,8 +513,9 @@ def _in_order(table: _Table, fmt: Format, common: dict, lines: list[str], timed:
 def _by_name(names: list[str], left: list[int], readings: list[str]) -> tuple[list[int], list[str]] | None:
     """Return the places of the readings among the columns `left`, by their names, and what is guessed; or None."""
     plain = [re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in names]
-    if all(name in plain for name in readings):
-        return [plain.index(name) for name in readings], []
+    called = [plain.index(name) for name in readings if name in plain]
+    if len(called) == len(readings) and set(called) <= set(left):  # of `5 N` in one column the name tells no number
+        return called, []
     if all(name in ALIKE for name in readings):
         fits = [place for name in readings if (place := _alike(names, left, name)) is not None]
         if len(set(fits)) == len(readings):
