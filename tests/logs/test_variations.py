@@ -62,7 +62,7 @@ BETWEEN = {
 
 
 def layouts(count: int = COUNT, seed: int = 0) -> list[dict[str, str]]:
-    """Return layouts by what varies, drawn of all; where blanks separate, a unit would be a column, and is not printed."""
+    """Return layouts by what varies, drawn of all; no unit where blanks separate, as it would be a column."""
     found = [
         dict(zip(("kind", "separator", "time", "counter", "between", "unit"), values, strict=True))
         for kind in KINDS
