@@ -79,7 +79,7 @@ def test_lomp_stream(race, record, sizes, touch):
         unit="ms",
         ours=seconds * 1e3,
         peer=peer * 1e3,
-        most=0.1,
+        least_ratio=5,
         rounds=sizes.rounds,
     )
 

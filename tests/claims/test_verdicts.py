@@ -436,6 +436,12 @@ def test_power_has_the_spread_of_runs_on_the_scale_of_their_interval(best):
     assert found.verdict == OFF and found.power > 0.95
 
 
+def test_no_interval_that_is_wider_than_the_band_has_power():
+    """Three runs that spread by a quarter have intervals of +- 62 %, of which at most one end lies within 30 %."""
+    found = rules.near({"a": pd.Series([1.5, 2.0, 2.5])}, {"a": 2.0})
+    assert found.verdict == UNDECIDED and found.power < 0.2
+
+
 @pytest.mark.parametrize(
     ("half", "full", "verdict"), [(1.0, 1.0, REPRODUCED), (-1.0, 1.0, UNDECIDED), (None, 1.0, REPRODUCED)]
 )

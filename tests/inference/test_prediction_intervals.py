@@ -54,6 +54,18 @@ def test_a_map_has_intervals_of_force_and_peak(tmp_path):
     ]
 
 
+def test_a_bound_is_in_units_of_the_scale_of_its_own_prediction():
+    """Errors that are three times the root of what was predicted, in every group, whatever their order."""
+    predicted = np.arange(1.0, 41.0)
+    truth = predicted + 3 * np.sqrt(predicted + 2)
+    rows = calibration.Rows(
+        np.full(40, calibration.CALIBRATED), np.full(40, "single"), np.full(40, "run0"), np.arange(40) // 2, "press",
+        False, [],
+    )  # fmt: skip
+    held_out = calibration.HeldOut(intervals.FORCE, intervals.TOUCH, predicted, truth, 2.0, np.arange(40))
+    assert calibration._bound(rows, held_out).value == pytest.approx(3.0)
+
+
 def test_a_series_says_where_it_cannot_tell(tmp_path):
     model = live_models.calibrated("series", tmp_path / "model")
     predicted = np.array([[1.0, 2.0], [3.0, 4.0]], np.float32)

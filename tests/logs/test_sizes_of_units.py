@@ -160,3 +160,17 @@ def test_a_printed_truth_is_its_true_value(quantity, unit):
     column = Column("truth", {"angle": "deg", "pressure": "kPa"}[quantity], -1e6, 1e6)
     printed, true = PRINTED[quantity][unit]
     assert float(printed) * (units.factor(unit, column, "a.log") or 1) == pytest.approx(true, rel=EXACT, abs=0)
+
+
+@pytest.mark.parametrize(
+    ("time", "unit", "of_1970"),
+    [
+        (45_000.5, "d", 25_569),  # of a spreadsheet, in 2023
+        (738_000.25, "d", 719_529),  # of MATLAB
+        (638_400_000_000_000_000, "100ns", 621_355_968_000_000_000),  # of .NET
+        (45_000.5, "s", 0),
+        (12.0, "d", 0),
+    ],
+)
+def test_1970_in_ticks_and_days_of_a_calendar(time, unit, of_1970):
+    assert units.zero(time, unit) == of_1970

@@ -43,6 +43,13 @@ def test_column_voltage_solves_kirchhoff():
         np.testing.assert_allclose(into, out, rtol=1e-12)
 
 
+def test_without_crosstalk_every_element_is_a_divider_of_its_own():
+    conductance = np.random.default_rng(0).uniform(1e-5, 3e-3, (4, 5, 5))
+    options = {"reference_s": 1 / 330, "supply_v": 5.0, "crosstalk": False}
+    volts = readout.column_voltage(conductance, driver_ohm=25.0, **options)
+    np.testing.assert_allclose(volts, 5.0 * 330 / (330 + 1 / conductance + 25), rtol=1e-12)
+
+
 @pytest.mark.parametrize("driver_ohm", [1e-6, 25.0, 200.0])
 def test_rows_that_sag_solve_kirchhoff_at_every_node(driver_ohm):
     """All ten nodes of the circuit, one equation each, in place of the eliminated system."""
