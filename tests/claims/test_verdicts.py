@@ -437,9 +437,9 @@ def test_power_has_the_spread_of_runs_on_the_scale_of_their_interval(best):
 
 
 def test_no_interval_that_is_wider_than_the_band_has_power():
-    """Three runs that spread by a quarter have intervals of +- 62 %, of which at most one end lies within 30 %."""
-    found = rules.near({"a": pd.Series([1.5, 2.0, 2.5])}, {"a": 2.0})
-    assert found.verdict == UNDECIDED and found.power < 0.2
+    """Of three runs that spread by half, one end of the interval may lie within 30 % (9 % of cases), both hardly ever."""
+    found = rules.near({"a": pd.Series([1.2, 2.0, 3.0])}, {"a": 2.0})
+    assert found.verdict == UNDECIDED and found.power < 0.05
 
 
 @pytest.mark.parametrize(
