@@ -437,7 +437,7 @@ def test_power_has_the_spread_of_runs_on_the_scale_of_their_interval(best):
 
 
 def test_no_interval_that_is_wider_than_the_band_has_power():
-    """Of three runs that spread by half, one end of the interval may lie within 30 % (9 % of cases), both hardly ever."""
+    """Of runs that spread by half, one end of the interval may lie within 30 % (9 % of cases), both hardly ever."""
     found = rules.near({"a": pd.Series([1.2, 2.0, 3.0])}, {"a": 2.0})
     assert found.verdict == UNDECIDED and found.power < 0.05
 
