@@ -8,11 +8,17 @@ each log was made from, and what was guessed: to correct it, change it there and
 Where a file has many recordings, --trial names the column that tells them apart, such as episode_index: FOLDER is the
 one of their condition then, and each gets a folder in it.
 
+Where the truth is another number, class or event than a load cell or an arm says, such as an angle, --truth names its
+column: FOLDER is the sensor's then, such as data/own/joint, each file (of a folder, each file in it) is a recording, or
+each value of --trial, all other columns of numbers are its readings, and settings.yaml is written beside them. --group
+is a regular expression whose brackets hold the person, day or session in a recording's path below FOLDER.
+
 Examples:
 
     tactile import run0.mat data/own/finger/single/run0
     tactile import forces.csv array.csv data/own/array/single/run1 --of touch
     tactile import file-000.parquet data/own/hand/grasps --trial episode_index --of touch
+    tactile import walks data/own/joint --truth angle --unit deg --group "/(.*)_"
 """
 
 import argparse
@@ -31,16 +37,17 @@ from tactile.base.errors import InputError
 from tactile.base.paths import Workspace
 from tactile.commands import check
 from tactile.experiments import log_name
-from tactile.logs import layout, parse
+from tactile.logs import layout, parse, sniff
 from tactile.logs.diagnosis import QUOTED
 from tactile.logs.formats import Format
 from tactile.logs.sniff import Proposal
 from tactile.own import logs as own_logs
 from tactile.own import settings as own_settings
-from tactile.own import tables
+from tactile.own import tables, with_truth
 from tactile.own.logs import ORIGIN
 
 FEWEST = 20  # counts that readings span at the gain of another recording; fewer are in another unit
+MOST_NAMED = 12  # columns in a sentence
 FROM = "from"  # key of a log's block in it: the table
 
 
@@ -60,11 +67,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kinds = "what the logs are of, where other logs of the sensor or its settings.yaml do not tell it"
     parser.add_argument("--of", **arguments.one_of("sensor", experiments.having("log")), help=kinds)
     parser.add_argument("--trial", default="", metavar="COLUMN", help="whose values tell recordings in one file apart")
+    parser.add_argument("--truth", metavar="COLUMN", help="of a target of one's own, by its name or number from 1")
+    parser.add_argument("--unit", metavar="UNIT", help="of that truth, where it is a number, such as deg")
+    groups = "regular expression whose brackets hold the person, day or session in a path; with --truth"
+    parser.add_argument("--group", metavar="PATTERN", help=groups)
+    others = "that is no reading, such as a second truth; with --truth, may be repeated"
+    parser.add_argument("--leave-out", action="append", default=[], metavar="COLUMN", help=others)
     parser.add_argument("--rate-hz", type=float, metavar="HZ", help="rows a second of files without times")
 
 
 def main(workspace: Workspace, given: argparse.Namespace) -> None:
     """Write the logs of the recordings named on the command line."""
+    if given.truth is not None:
+        of_target(workspace, given)
+        return
+    for option, value in (("--unit", given.unit), ("--group", given.group), ("--leave-out", given.leave_out)):
+        if value:
+            raise InputError(
+                f"{option} goes with --truth, which names the column of the truth; add it, or leave both out"
+            )
     folder, above = given.folder, 0 if given.trial else 1
     sensor = folder.absolute().parents[above] if len(folder.absolute().parents) > above + 1 else folder
     experiment = given.of or check.experiment_of(sensor)
@@ -74,7 +95,7 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         for number, path in enumerate(given.files):
             place = Path(draft, str(number))
             place.mkdir()
-            texts |= tables.text_of(path, place, given.trial)
+            texts |= tables.text_of(path, place, [given.trial])
         recordings = {folder: texts}
         if given.trial:
             divided = tables.trials(texts, given.trial, Path(draft)).items()
@@ -88,6 +109,17 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
         print(f"the logs have one time: write {experiment}.ingest.clock: shared into {sensor / own_settings.FILE}")
     shown = folder.parents[above] if len(folder.parents) > above else folder
     print(f"next: `tactile check {sensor if folder.is_absolute() else shown}`")
+
+
+def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
+    """Write the logs of a sensor whose truth is a column beside its readings; FOLDER is that of the sensor."""
+    if given.of not in (None, "strain"):
+        raise InputError("--truth writes the logs of strands, which need the fewest settings; leave --of out")
+    with_truth.check_group(given.group)
+    settings = own_settings.of_logs(workspace, "strain", given.folder)["strain"]
+    asked = with_truth.Asked(given.truth, given.unit, given.group, given.trial, given.rate_hz, given.leave_out)
+    with_truth.write(given.files, given.folder, settings, asked)
+    print(f"next: `tactile check {given.folder}`")
 
 
 def write(
@@ -137,7 +169,8 @@ def write(
             raise InputError(
                 f"{sources[0]}: no column of it is known, or there are not as many readings as {experiment}.sensor "
                 f"has; fix {sensor / own_settings.FILE}, or name the columns in {folder / ORIGIN}, such as logs: "
-                f"{{{log_name(experiment)}: {{{FROM}: {next(iter(texts))}, separator: ',', time: 1, columns: 2..5}}}}"
+                f"{{{log_name(experiment)}: {{{FROM}: {next(iter(texts))}, separator: ',', time: 1, columns: 2..5}}}}; "
+                f"if one of the columns{_named(texts)} is the truth of a target, add --truth COLUMN"
             )
         limit, key = settings["ingest"]["max_reject_fraction"], f"{experiment}.ingest.max_reject_fraction"
         said = {name: _write(Path(draft, name), one, formats[name], limit, key) for name, one in found.items()}
@@ -153,6 +186,13 @@ def write(
             for guess in one.proposal.guesses:
                 print(f"  guessed: {guess}")
     return len(found) > 1 and len({one.table for one in found.values()}) == 1
+
+
+def _named(texts: Mapping[str, Path]) -> str:
+    """Return the names of the columns of all tables, in brackets; '' without."""
+    heads = map(sniff.columns, texts.values())
+    names = list(dict.fromkeys(name for head in heads if head is not None for name in head.names if name))
+    return f" ({', '.join(names[:MOST_NAMED])}{', ...' * (len(names) > MOST_NAMED)})" if names else ""
 
 
 def _sniffed(

@@ -100,6 +100,57 @@ class _Table(NamedTuple):
     texts: list[str]  # fields of the columns of numbers in the first row
 
 
+class Columns(NamedTuple):
+    """What the columns of a table of text are, as far as its first lines show."""
+
+    separator: str
+    decimal: str
+    encoding: str
+    first: int  # line, from 0, of the first row
+    names: list[str]  # of all columns, '' without a header
+    times: list[list[int]]  # places that are a time together, the likeliest first; two where a date has its own column
+    counters: list[int]  # places of columns that count the lines
+    rows: list[list[str]]  # fields of the lines that are looked at
+
+
+def columns(path: Path) -> Columns | None:
+    """Return the columns of a table of text; None for other text. Raises InputError as `layout.opened`."""
+    with layout.opened(path) as file:
+        start = file.read(START)
+    encoding = _encoding(start) if start else None
+    if encoding is None:
+        return None
+    text = start.decode(encoding, "replace").lstrip("\ufeff")
+    lines = [line.strip("\r\n") for line in text.split(layout.line_end(text) or "\n")][:LINES]
+    tables = [table for table in _tables(lines, 1, ends=True) if table.separator != layout.TEXT and table.share > SHARE]
+    if not tables:
+        return None
+    table = max(tables, key=lambda table: len(table.numeric))
+    split = [layout.numbers(line, table.separator, table.decimal) for line in lines[table.first :]]
+    rows = [fields for fields in split if len(fields) == table.width]
+    names = _names(table, lines)
+    pattern = next(_patterns([line for line in lines[table.first :] if line]), None)
+    stamped = _stamped_places(rows[0], table.separator, pattern) if pattern else []
+    counters = [place for place in table.numeric if _counts(table, place, names)]
+    left, times = table, [stamped] if stamped else []
+    while (time := _time(left, names)) is not None:
+        times += [[time]] if time not in counters else []
+        left = left._replace(numeric=[place for place in left.numeric if place != time])
+    return Columns(
+        table.separator, table.decimal, encoding, table.first, names or [""] * table.width, times, counters, rows
+    )
+
+
+def _stamped_places(fields: list[str], separator: str, pattern: str) -> list[int]:
+    """Return the places of the columns, one or two, that hold a time of a pattern."""
+    stamp = re.compile(layout.expression(pattern))
+    for many in (1, 2):
+        for place in range(len(fields) + 1 - many):
+            if stamp.match(separator.join(fields[place : place + many])):
+                return list(range(place, place + many))
+    return []
+
+
 def proposed(path: Path, fmt: Format) -> Proposal | str | None:
     """Return how a log can be read; the sentence that says why it cannot; or None where neither shows.
 
@@ -317,11 +368,14 @@ def _in_most(pattern: str, lines: Sequence[str]) -> bool:
     return sum(re.search(pattern, line) is not None for line in lines) > SHARE * len(lines)
 
 
-def _tables(lines: Sequence[str], least: int) -> Iterator[_Table]:
-    """Yield the tables, of `least` columns of numbers or more, that lines can be taken for."""
+def _tables(lines: Sequence[str], least: int, ends: bool = False) -> Iterator[_Table]:
+    """Yield the tables, of `least` columns of numbers or more, that lines can be taken for.
+
+    ends: the first and the last column count where they are empty, too.
+    """
     filled = sum(bool(re.search("[0-9]", line)) for line in lines)
     for separator in (*SEPARATORS, layout.TEXT):
-        blanks = " \t" if separator == layout.TEXT else f" \t{separator}"
+        blanks = "" if ends else " \t" if separator == layout.TEXT else f" \t{separator}"
         for decimal in ".,":
             if decimal == "," and separator == layout.TEXT and not _decimal_commas(lines):
                 continue

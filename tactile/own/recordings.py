@@ -1,5 +1,6 @@
 """Read the recordings of a sensor of one's own: what can be used, and the problems of what cannot."""
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -133,6 +134,8 @@ def wrong_columns(path: Path, fmt: parse.Format, settings: Mapping) -> str | Non
     expected = len(fmt.columns) - 1
     if values == expected or values < 1:
         return None
+    if said := _named_columns(path, expected):
+        return said
     if values == expected - 1 and not _begins_with_time(path):
         return (
             f"{path}: {values + 1} values per line and no time before them; begin each line with "
@@ -161,6 +164,23 @@ def wrong_columns(path: Path, fmt: parse.Format, settings: Mapping) -> str | Non
             f"set strain.sensor.channels: {values}"
         )
     return f"{path}: {values + 1} columns per line; expected {expected + 1}: {fmt.shown}"
+
+
+def _named_columns(path: Path, expected: int) -> str | None:
+    """Say which columns a header names, and how their logs are made, where the names are none of a log's own."""
+    found = sniff.columns(path)
+    names = list(filter(None, found.names)) if found else []
+    if found is None or len(names) < 2 or all(re.fullmatch(r"t_u?s|[a-z]\d+|[xyz]_mm|fz_n", name) for name in names):
+        return None
+    time = found.times[0] if found.times else []
+    left = [name for place, name in enumerate(found.names) if place not in time and name]
+    listed = ", ".join(left[:SHAPES]) + ", ..." * (len(left) > SHAPES)
+    return (
+        f"{path}: {len(left)} columns beside the time, {listed}, but {expected} readings are set; if all are readings, "
+        "set the sensor's size, if some are, name these by `columns` in the block ingest.format of settings.yaml; if "
+        f"one is the truth of a target, such as '{left[-1]}', `tactile import {path} data/own/NAME --truth "
+        f"'{left[-1]}'` writes logs and settings"
+    )
 
 
 def _begins_with_time(path: Path) -> bool:

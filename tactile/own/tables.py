@@ -1,7 +1,7 @@
 """Turn files of columns, of MATLAB, numpy, HDF5, Parquet, workbooks or text, into text of lines, as any other log."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +17,19 @@ from tactile.logs import matlab
 LARGEST = 1 << 30  # bytes of a file; as text it takes about three times as many
 LIMITS = {"memory": 4 * LARGEST, "seconds": 600}  # of reading
 LEAST = 3  # values of a column; fewer are settings of the recording
+KINDS = (".csv", ".tsv", ".txt", ".dat", ".xlsx", ".parquet", ".mat", ".npy", ".npz", ".h5", ".hdf5", ".gz")
+WORDS = (pa.types.is_string, pa.types.is_large_string, pa.types.is_boolean)
 WORKBOOKS, OTHER_WORKBOOKS = (".xlsx", ".xlsm"), (".xls", ".ods")
 
 
-def text_of(path: Path, folder: Path, trial: str = "") -> dict[str, Path]:
+def text_of(path: Path, folder: Path, words: Collection[str] = ()) -> dict[str, Path]:
     """Return name -> text file of each table in a file; those that have to be made go into `folder`.
 
     Columns of one length are a table, which is called by the file, and by the length where there are several. Of an
     array of several dimensions the longest is taken for time; each number of a row is a column then. A file of none of
-    these kinds is taken for text; each sheet of a workbook is a text of its own. trial: a column of words that is kept,
-    too. Raises InputError for a file that is missing, damaged or an old workbook, and for one without columns.
+    these kinds is taken for text; each sheet of a workbook is a text of its own. words: columns that are kept
+    though they are of words. Raises InputError for a file that is missing, damaged or an old workbook, and for one
+    without columns.
     """
     if not path.is_file():
         raise InputError(f"{path}: file not found; name a file of columns")
@@ -38,17 +41,17 @@ def text_of(path: Path, folder: Path, trial: str = "") -> dict[str, Path]:
     if kind in WORKBOOKS:
         return _of_workbook(path, folder)
     if kind == ".parquet":
-        variables, words = _of_parquet(path, trial)
+        variables, others = _of_parquet(path, words)
     elif kind in (".h5", ".hdf5", ".hdf") or kind == ".mat" and matlab.is_hdf5(path):
-        variables, words = _of_hdf5(path), {}
+        variables, others = _of_hdf5(path), {}
     elif kind in (".npy", ".npz"):
-        variables, words = _of_numpy(path), {}
+        variables, others = _of_numpy(path), {}
     elif kind == ".mat":
-        variables, words = matlab.structures(path, LARGEST), {}
+        variables, others = matlab.structures(path, LARGEST), {}
     else:
         return {str(path): path}
     tables: dict[int, dict[str, np.ndarray]] = {}
-    for name, values in (*_columns(variables), *words.items()):
+    for name, values in (*_columns(variables), *others.items()):
         tables.setdefault(len(values), {})[name] = values
     if not tables:
         raise InputError(
@@ -61,6 +64,12 @@ def text_of(path: Path, folder: Path, trial: str = "") -> dict[str, Path]:
         texts[name] = folder / f"{path.stem}-{length}.csv"
         pd.DataFrame(columns).to_csv(texts[name], index=False)
     return texts
+
+
+def inside(folder: Path) -> list[Path]:
+    """Return the files of a folder, at any depth, that can be tables, sorted; without hidden ones."""
+    found = (path for path in folder.rglob("*") if path.suffix.lower() in KINDS and path.is_file())
+    return sorted(path for path in found if not any(part[0] == "." for part in path.relative_to(folder).parts))
 
 
 def trials(texts: Mapping[str, Path], column: str, folder: Path) -> dict[str, dict[str, Path]]:
@@ -79,7 +88,7 @@ def trials(texts: Mapping[str, Path], column: str, folder: Path) -> dict[str, di
             others |= set(rows)
             continue
         for value, of_trial in rows.groupby(column, sort=False):
-            trial = re.sub(r"[^\w.-]+", "_", f"{column}-{value}")
+            trial = trial_name(column, value)
             if values.setdefault(trial, value) != value:
                 raise InputError(f"{table}: {values[trial]} and {value} of {column} are both {trial}; rename one")
             place = folder / f"{number}-{trial}.csv"
@@ -88,6 +97,11 @@ def trials(texts: Mapping[str, Path], column: str, folder: Path) -> dict[str, di
     if not found:
         raise InputError(f"{', '.join(texts)}: no column {column}; the columns are {', '.join(sorted(others))}")
     return found
+
+
+def trial_name(column: str, value: str) -> str:
+    """Return the name of the folder of a trial."""
+    return re.sub(r"[^\w.-]+", "_", f"{column}-{value}")
 
 
 def _of_workbook(path: Path, folder: Path) -> dict[str, Path]:
@@ -150,18 +164,20 @@ def _data_sets(path: Path) -> dict[str, np.ndarray]:
     return found
 
 
-def _of_parquet(path: Path, trial: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Return the columns of numbers, lists of equal length as (n, length), and the column `trial` if it is of words."""
+def _of_parquet(path: Path, words: Collection[str]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return the columns of numbers, lists of equal length as (n, length), and those of `words` that are words."""
     what, remedy = "a whole Parquet file", "write it again"
-    return foreign.apart(path, what, remedy, _parquet, path, trial, **LIMITS)
+    return foreign.apart(path, what, remedy, _parquet, path, words, **LIMITS)
 
 
-def _parquet(path: Path, trial: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def _parquet(path: Path, kept: Collection[str]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     table, numbers, words = pq.read_table(path, memory_map=False), {}, {}
     while any(pa.types.is_struct(each) for each in table.schema.types):
         table = table.flatten()
     for name, column in zip(table.column_names, table.columns, strict=True):
         values, shape = column.combine_chunks(), [len(column)]
+        if pa.types.is_dictionary(values.type):
+            values = values.dictionary_decode()
         while pa.types.is_list(values.type) or pa.types.is_large_list(values.type) or _is_fixed(values.type):
             inner = values.flatten()
             if not len(values) or values.null_count or len(pc.unique(pc.list_value_length(values))) != 1:
@@ -170,7 +186,7 @@ def _parquet(path: Path, trial: str) -> tuple[dict[str, np.ndarray], dict[str, n
             values = inner
         if pa.types.is_integer(values.type) or pa.types.is_floating(values.type) or pa.types.is_temporal(values.type):
             numbers[name] = values.to_numpy(zero_copy_only=False).reshape(shape)
-        elif name == trial and (pa.types.is_string(values.type) or pa.types.is_large_string(values.type)):
+        elif name in kept and any(kind(values.type) for kind in WORDS):
             words[name] = values.to_numpy(zero_copy_only=False)
     return numbers, words
 
