@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--unit", metavar="UNIT", help="of that truth, where it is a number, such as deg")
     groups = "regular expression whose brackets hold the person, day or session in a path; with --truth"
     parser.add_argument("--group", metavar="PATTERN", help=groups)
-    others = "that is no reading, such as a second truth; with --truth, may be repeated"
+    others = "that is no reading, such as a second truth, or a pattern such as 'L_*'; with --truth, may be repeated"
     parser.add_argument("--leave-out", action="append", default=[], metavar="COLUMN", help=others)
     parser.add_argument("--rate-hz", type=float, metavar="HZ", help="rows a second of files without times")
 

@@ -4,6 +4,7 @@ The readings are the logs of strands, in any unit: a kind of sensor that needs n
 """
 
 import csv
+import fnmatch
 import io
 import re
 import tempfile
@@ -160,20 +161,21 @@ def _tables(paths: Mapping[Path, str], asked: Asked, draft: Path) -> Tables:
         if first is None:
             first = names, head
             wanted = {"--truth": [asked.truth], "--trial": [asked.trial] if asked.trial else []}
-            wanted["--leave-out"] = list(asked.leave_out)
+            wanted["--leave-out"] = [one for each in asked.leave_out for one in fnmatch.filter(names, each) or [each]]
             where = {
                 f"{option} {column}": _place(column, names, f"{path}: {option}")
                 for option, columns in wanted.items()
                 for column in columns
             }
         if names != first[0]:
-            odd = next(
-                (f"'{name}'" for name in [*names, *first[0]] if (name in names) != (name in first[0])), "the order"
-            )
-            raise InputError(
-                f"{path}: its columns are not those of {next(iter(paths))}, unlike in {odd}; import files of "
-                "one sensor with the same columns"
-            )
+            if sorted(names) != sorted(first[0]) or not all(head.names):
+                unlike = (f"'{name}'" for name in [*names, *first[0]] if (name in names) != (name in first[0]))
+                raise InputError(
+                    f"{path}: its columns are not those of {next(iter(paths))}, unlike in {next(unlike, 'the order')}; "
+                    "import files of one sensor with the same columns"
+                )
+            rows = rows[[names.index(name) for name in first[0]]].set_axis(range(len(names)), axis=1)
+            names = first[0]
         if asked.trial:
             at = where[f"--trial {asked.trial}"]
             named: dict[str, str] = {}

@@ -226,3 +226,20 @@ def test_files_of_other_columns_are_refused(called, tmp_path):
     called("import", tmp_path / "a.csv", tmp_path / "joint", "--truth", "angle", "--unit", "deg")
     with pytest.raises(SystemExit, match=r"a: was made of other columns than .*, unlike in 'R_X'"):
         called("import", tmp_path / "b.csv", tmp_path / "joint", "--truth", "angle", "--unit", "deg")
+
+
+def test_columns_are_told_by_their_names_in_whatever_order(called, tmp_path):
+    """--leave-out takes a pattern, too: the second truth of the other leg is no reading."""
+    (tmp_path / "in").mkdir()
+    for seed, name in ((11, "a"), (12, "b")):
+        angle, readings = made(seed)
+        rows = table(readings, time=AT, angle=angle, L_angle=angle[::-1], L_other=angle * 2)
+        rows = rows[rows.columns[::-1]] if name == "b" else rows
+        rows.to_csv(tmp_path / "in" / f"{name}.csv", index=False)
+    folder = tmp_path / "joint"
+    said = called("import", tmp_path / "in", folder, "--truth", "angle", "--unit", "deg", "--leave-out", "L_*")
+    assert "3 readings: R_A, R_B, R_C" in said
+    found = data(folder)
+    for seed, name in ((11, "in/a"), (12, "in/b")):
+        assert np.array_equal(found[name].reading, made(seed)[1])
+        assert found[name].truth == pytest.approx(made(seed)[0], abs=1e-6)
