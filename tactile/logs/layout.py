@@ -183,7 +183,7 @@ def expression(pattern: str) -> str:
     parts = re.split(r"%(.)", pattern)
     fixed = (re.escape(part) if k % 2 == 0 else _DIRECTIVES.get(part, "[0-9]{1,2}") for k, part in enumerate(parts))
     found = "".join(fixed).replace(rf"\.{_DIRECTIVES['f']}", rf"(?:\.{_DIRECTIVES['f']})?")
-    return found if "%f" in pattern else rf"{found}(?!\.[0-9])"
+    return found if "%f" in pattern else rf"{found}(?!\.?[0-9])"  # of 10:00:05.2 also not 10:00:0
 
 
 def moment(stamp: str, pattern: str) -> datetime | None:

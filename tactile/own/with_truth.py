@@ -31,6 +31,7 @@ FEW = 10  # whole numbers that name classes
 LEAST_NUMBERS = 0.9  # share of a column's values that are numbers, else it is one of words
 LEAST_KNOWN = 0.1  # share of the rows in which a reading is known
 FOLLOWS = 0.999  # correlation of a reading with the truth beyond which it is likely a second truth
+ANEW = 0.1  # of how long a recording lasts; a time that falls back by less is of a late line
 SHOWN = 8  # names in a sentence
 OF_TIME = ("time_unit", "time_pattern", "strip", "rate_hz", "repeats")  # keys that origin.yaml can correct
 NO_CLASS = ("", "nan", "n/a", "na", "null")  # `none` may be the name of a class, such as no touch
@@ -200,6 +201,9 @@ def _table(path: Path, texts: Mapping[str, Path], truth: str) -> tuple[str, list
     if len(heads) > 1 and truth not in heads[table].names:
         known = list(dict.fromkeys(name for head in heads.values() for name in head.names if name))
         raise InputError(f"{path}: no column is called '{truth}'; {params.hint(truth, known)}")
+    timed = next((other for other, head in heads.items() if head.times), table)
+    if not heads[table].times and timed != table:
+        raise InputError(f"{table}: '{truth}' has no times beside it, but {timed}; write one table that has both")
     head, rows = heads[table], []
     with layout.opened(texts[table]) as file, io.TextIOWrapper(file, head.encoding, "replace") as lines:
         for number, line in enumerate(lines):
@@ -380,6 +384,7 @@ def _write(folder: Path, one: Recording, found: Tables, kind: str, settings: Map
     times = _times(one, found, settings, rate_hz, known.get(SENSOR, {}))
     rows = one.rows[one.rows.index.isin(list(times.text))]
     at = pd.Series(times.text).reindex(rows.index)
+    _refuse_several(one, found, at)
     truth = _truth(rows[found.truth], kind)
     if (truth != "").sum() < 2:
         print(f"{one.table}: '{found.names[found.truth]}' is known in fewer than two rows; no recording is made of it")
@@ -424,6 +429,22 @@ def _write(folder: Path, one: Recording, found: Tables, kind: str, settings: Map
     for sentence in [*times.said, *(f"guessed: {guess}" for guess in guesses)]:
         print(f"  {sentence}")
     return True
+
+
+def _refuse_several(one: Recording, found: Tables, at: pd.Series) -> None:
+    """Raise InputError where the time begins anew, as it does where a table has several recordings; at: row -> time."""
+    seconds = at.astype(float).to_numpy()
+    falls = np.flatnonzero(np.diff(seconds) < -ANEW * np.ptp(seconds)) if len(seconds) else []
+    if not len(falls):
+        return
+    rows = one.rows.loc[at.index]
+    changes = {place: np.flatnonzero((rows[place] != rows[place].shift()).to_numpy()[1:]) for place in rows}
+    likely = [found.names[place] for place, where in changes.items() if np.array_equal(where, falls)]
+    such = f", such as --trial '{likely[0]}'" if likely else ""
+    raise InputError(
+        f"{one.table}: the time begins anew in row {at.index[falls[0] + 1] + 1} of {len(one.rows)}; if it has several "
+        f"recordings, name the column that tells them apart{such}, else divide it there"
+    )
 
 
 def _check_beside(folder: Path, found: Tables) -> None:

@@ -243,3 +243,52 @@ def test_columns_are_told_by_their_names_in_whatever_order(called, tmp_path):
     for seed, name in ((11, "in/a"), (12, "in/b")):
         assert np.array_equal(found[name].reading, made(seed)[1])
         assert found[name].truth == pytest.approx(made(seed)[0], abs=1e-6)
+
+
+def test_rows_of_two_devices_one_below_the_other(called, tmp_path):
+    """As tables are that were joined by their times: the truth, in the last column, has rows of its own."""
+    angle, readings = made(11)
+    one, other = table(readings, time=AT), pd.DataFrame({"time": AT[::3] + 0.02, "angle": angle[::3]})
+    both = pd.concat([one.drop(columns=["gain", "note", "frame"]), other]).sort_values("time")
+    both.to_csv(tmp_path / "a.csv", index=False)
+    called("import", tmp_path / "a.csv", tmp_path / "joint", "--truth", "angle", "--unit", "deg")
+    (found,) = data(tmp_path / "joint").values()
+    assert np.array_equal(found.reading, readings) and np.array_equal(found.time_s, AT)
+    between = np.interp(AT, AT[::3] + 0.02, angle[::3])
+    assert found.truth[1:-1] == pytest.approx(between[1:-1], abs=1e-6)
+
+
+def test_a_table_of_several_recordings_asks_for_the_column_that_tells_them_apart(called, tmp_path):
+    parts = [table(made(k)[1], time=AT, angle=made(k)[0]).assign(run=k) for k in (1, 2)]
+    pd.concat(parts).to_csv(tmp_path / "a.csv", index=False)
+    sentence = "the time begins anew in row 401 of 800; .* tells them apart, such as --trial 'run'"
+    with pytest.raises(SystemExit, match=sentence):
+        called("import", tmp_path / "a.csv", tmp_path / "joint", "--truth", "angle", "--unit", "deg")
+    assert not (tmp_path / "joint").exists()
+
+
+def test_a_truth_in_another_table_than_the_times_is_refused(called, tmp_path):
+    angle, readings = made(12)
+    np.savez(tmp_path / "a.npz", t_s=AT, readings=readings, place=angle[:40])
+    with pytest.raises(
+        SystemExit, match="columns of 40: 'place' has no times beside it, but .*, columns of 400; write"
+    ):
+        called("import", tmp_path / "a.npz", tmp_path / "joint", "--truth", "place", "--rate-hz", "10")
+
+
+def test_a_log_of_named_columns_is_told_of_this_command(called, tmp_path):
+    """Its names are listed, not the digits of its times counted."""
+    angle, readings = made(13)
+    stamps = [(START + pd.Timedelta(milliseconds=50 * k)).isoformat() for k in range(ROWS)]
+    place = tmp_path / "joint" / "bend" / "a"
+    place.mkdir(parents=True)
+    rows = table(readings, Time=stamps).drop(columns=["frame", "note"]).assign(knee=angle)
+    rows.to_csv(place / "daq.log", index=False)
+    (tmp_path / "joint" / "settings.yaml").write_text("strain.sensor.channels: 2\n")
+    sentence = (
+        r"daq.log: 5 columns beside the time, R_A, R_B, R_C, gain, knee, but 2 readings are set; .* --truth 'knee'`"
+    )
+    with pytest.raises(SystemExit, match=sentence):
+        called("check", tmp_path / "joint")
+    with pytest.raises(SystemExit, match=r"columns \(Time, R_A, R_B, R_C, gain, knee\) is the truth .* --truth COLUMN"):
+        called("import", place / "daq.log", tmp_path / "new" / "bend" / "a", "--of", "strain")
