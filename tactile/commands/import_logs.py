@@ -73,6 +73,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--group", metavar="PATTERN", help=groups)
     others = "that is no reading, such as a second truth, or a pattern such as 'L_*'; with --truth, may be repeated"
     parser.add_argument("--leave-out", action="append", default=[], metavar="COLUMN", help=others)
+    shown = "that are readings, such as 'adc*', where not all are that could be; with --truth, may be repeated"
+    parser.add_argument("--readings", action="append", default=[], metavar="PATTERN", help=f"columns {shown}")
     parser.add_argument("--rate-hz", type=float, metavar="HZ", help="rows a second of files without times")
 
 
@@ -81,7 +83,12 @@ def main(workspace: Workspace, given: argparse.Namespace) -> None:
     if given.truth is not None:
         of_target(workspace, given)
         return
-    for option, value in (("--unit", given.unit), ("--group", given.group), ("--leave-out", given.leave_out)):
+    for option, value in (
+        ("--unit", given.unit),
+        ("--group", given.group),
+        ("--leave-out", given.leave_out),
+        ("--readings", given.readings),
+    ):
         if value:
             raise InputError(
                 f"{option} goes with --truth, which names the column of the truth; add it, or leave both out"
@@ -117,7 +124,9 @@ def of_target(workspace: Workspace, given: argparse.Namespace) -> None:
         raise InputError("--truth writes the logs of strands, which need the fewest settings; leave --of out")
     with_truth.check_group(given.group)
     settings = own_settings.of_logs(workspace, "strain", given.folder)["strain"]
-    asked = with_truth.Asked(given.truth, given.unit, given.group, given.trial, given.rate_hz, given.leave_out)
+    asked = with_truth.Asked(
+        given.truth, given.unit, given.group, given.trial, given.rate_hz, given.leave_out, given.readings
+    )
     with_truth.write(given.files, given.folder, settings, asked)
     print(f"next: `tactile check {given.folder}`")
 

@@ -47,6 +47,7 @@ class Asked(NamedTuple):
     trial: str | None
     rate_hz: float | None
     leave_out: Sequence[str]
+    readings: Sequence[str]  # patterns of the columns that may be readings; [] of all
 
 
 class Recording(NamedTuple):
@@ -238,6 +239,13 @@ def _roles(
     reasons[truth] = "is the truth"
     time = next((each for each in head.times if not set(each) & set(reasons)), [])
     reasons |= {place: "is the time" for place in time}
+    if asked.readings:
+        named = {name for pattern in asked.readings for name in fnmatch.filter(names, pattern)}
+        if not named:
+            raise InputError(f"--readings {' '.join(asked.readings)}: names no column; these are {', '.join(names)}")
+        reasons = {
+            place: "is not named by --readings" for place, name in enumerate(names) if name not in named
+        } | reasons
     for place, name in enumerate(names):
         if place not in reasons and (why := _no_reading(place, name, recordings, head)):
             reasons[place] = why

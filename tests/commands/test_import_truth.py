@@ -200,6 +200,7 @@ WRONG = {
     "no pattern": (["--truth", "angle", "--group", "("], "'\\(' is no regular expression"),
     "no match": (["--truth", "angle", "--group", "(P.)"], r"'\(P.\)': finds nothing in the path 'in/a'"),
     "no trial": (["--truth", "angle", "--trial", "whom"], "--trial 'whom' is no column; did you mean 'who'"),
+    "no readings": (["--truth", "angle", "--readings", "x*"], "--readings x.: names no column; these are time, angle"),
     "of touch": (["--truth", "angle", "--of", "touch"], "leave --of out"),
 }
 
@@ -239,6 +240,10 @@ def test_columns_are_told_by_their_names_in_whatever_order(called, tmp_path):
     folder = tmp_path / "joint"
     said = called("import", tmp_path / "in", folder, "--truth", "angle", "--unit", "deg", "--leave-out", "L_*")
     assert "3 readings: R_A, R_B, R_C" in said
+    other = called(
+        "import", tmp_path / "in", tmp_path / "knee", "--truth", "angle", "--unit", "deg", "--readings", "R_*"
+    )
+    assert "3 readings: R_A, R_B, R_C" in other and "no reading: 'L_other' is not named by --readings" in other
     found = data(folder)
     for seed, name in ((11, "in/a"), (12, "in/b")):
         assert np.array_equal(found[name].reading, made(seed)[1])
