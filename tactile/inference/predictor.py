@@ -199,7 +199,7 @@ class Predictor:
                 f"readings of shape {readings.shape}: {self.card.title} takes (n, {columns}) "
                 f"{self.card.inputs.unit}, {self.card.inputs.order}"
             )
-        return x.reshape(-1, columns).astype(np.float32)
+        return x.reshape(-1, columns).astype(np.float32, copy=False)
 
     def _chosen(self, x: np.ndarray) -> np.ndarray:
         """Return the columns that the model sees, in its order."""

@@ -264,7 +264,9 @@ def predict(model: Predictor, recording: Recording, folder: Path | None = None) 
         longest = max(longest, len(every))
         whole = x[first:last]
         if len(every) > len(place):
-            whole = np.column_stack([np.interp(every, place, column) for column in whole.T])
+            whole = np.empty((len(every), x.shape[1]), np.float32)  # as the model takes them
+            for column, values in zip(whole.T, x[first:last].T, strict=True):
+                column[:] = np.interp(every, place, values)
         _put(predicted[first:last], place, model.in_parts(whole, step))
         beside = np.interp(every, place, none[first:last]) > 0  # also a lost reading beside one that is none
         outside[first:last] = model.outside(whole, step, beside)[place]
