@@ -13,6 +13,7 @@ import pytest
 from builders.project import ROOT
 from builders.prose import faults
 
+from benchmarks import gallery
 from benchmarks import report as benchmarks_report
 from pipeline.claims import entries, judge
 from pipeline.claims.rules import CONTRADICTED, OFF, REPRODUCED, UNDECIDED
@@ -271,6 +272,12 @@ def test_the_page_of_benchmarks_follows_from_its_tables(tmp_path):
     assert_same_file(tmp_path / "benchmarks" / "README.md", REPORTS / "benchmarks" / "README.md")
 
 
+def test_the_page_of_the_gallery_follows_from_its_scores():
+    scores = pd.read_csv(REPORTS / "gallery" / "scores.csv", dtype={"test": str})
+    assert gallery.report(scores) == (REPORTS / "gallery" / "README.md").read_text(encoding="utf-8")
+    assert set(scores["name"]) == set(gallery.RECIPES)
+
+
 PAGES = ("index.html", "appendix.html")
 
 
@@ -300,6 +307,7 @@ ANEW = {
         "twins/README.md",
         "counts.csv",
         "benchmarks/README.md",
+        "gallery/README.md",
         "shards.md",
         *PAGES,
     ),
@@ -319,6 +327,7 @@ NOT_ANEW = {  # with the reason
     "benchmarks/*.csv": "measured on one machine",
     "coverage/*.csv": "of trained models and recordings",
     "sheet/*": "of recordings that not every machine has",
+    "gallery/scores.csv": "of recordings that are downloaded one by one: a quarter of an hour",
     "targets/*": "of recordings that not every machine has: minutes",
     "material/fit.md": "of recordings that not every machine has: minutes",
 }
