@@ -117,10 +117,11 @@ def line(name: str, groups: pd.DataFrame) -> list[str]:
     mean = np.exp(differences.mean()) if is_error else differences.mean()
     said = f"{mean:.2f} times" if is_error else f"{mean:+.1f} points"
     interval = f" [{low:.2f}, {high:.2f}]" if n > 2 else ""
-    held = groups["coverage"].dropna().between(*FAIR)
+    coverage = groups["coverage"].dropna()
+    held = coverage.between(*FAIR)
     means = [f"{value:.3g}" for value in groups[["ours", "thirty_lines", "constant"]].mean()]
     score = metric if unit == "1" else f"{metric} ({unit})"
-    return [f"`{name}`", score, str(n), *means, said + interval, f"{held.sum()} of {len(held)}"]
+    return [f"`{name}`", score, str(n), *means, said + interval, f"{held.sum()} of {len(held)} (mean {100 * coverage.mean():.0f} %)"]
 
 
 def report(scores: pd.DataFrame) -> str:
