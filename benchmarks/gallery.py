@@ -121,7 +121,8 @@ def line(name: str, groups: pd.DataFrame) -> list[str]:
     held = coverage.between(*FAIR)
     means = [f"{value:.3g}" for value in groups[["ours", "thirty_lines", "constant"]].mean()]
     score = metric if unit == "1" else f"{metric} ({unit})"
-    return [f"`{name}`", score, str(n), *means, said + interval, f"{held.sum()} of {len(held)} (mean {100 * coverage.mean():.0f} %)"]
+    covered = f"{held.sum()} of {len(held)} (mean {100 * coverage.mean():.0f} %)"
+    return [f"`{name}`", score, str(n), *means, said + interval, covered]
 
 
 def report(scores: pd.DataFrame) -> str:
