@@ -113,7 +113,7 @@ class Project:
             self.environment.pop(variable, None)
         for name, columns in (("index", shards.INDEX), ("times", shards.TIMES)):  # no committed shard is so small
             shards.upsert(self.folder / "evidence" / f"{name}.csv", columns, "", [])
-        (self.folder / "evidence" / "look.csv").write_text(f"{','.join(agreement.ROWS)}\n")
+        (self.folder / "evidence" / "look.csv").write_text(f"{','.join(agreement.MADE)}\n")
         small_variants(self.folder)
         self.set(yaml.safe_load((ROOT / "tests" / "miniature.yaml").read_text()))
         self.dvc("init", "--no-scm", "--quiet")
