@@ -35,11 +35,11 @@ LEVEL, FAIR = 0.95, (0.86, 0.94)  # of intervals; coverage that a 90 % interval 
 INTRO = """# Recordings that nobody of this project made
 
 By `python -m benchmarks.gallery CLONES`. Each set comes in by one command (`dataglove`, whose truth is the name of a
-folder, by a copy and five lines of settings), is trained and tested by `tactile own FOLDER`, and stands beside thirty lines of
-scikit-learn (`benchmarks/thirty_lines.py`, extra trees on readings at lags and statistics of two seconds) that predict
-the same moments of the same groups, which no model has seen. Ours is the model that the other groups chose. Means over
-groups, one training each [95 % interval of the ratio, or of the difference of shares, over groups; none of fewer than
-three]. Coverage: groups of which our 90 % intervals, or sets, hold the truth in 86 to 94 % of the windows.
+folder, by a copy and five lines of settings), is trained and tested by `tactile own FOLDER`, and stands beside thirty
+lines of scikit-learn (`benchmarks/thirty_lines.py`, extra trees on readings at lags and statistics of two seconds) that
+predict the same moments of the same groups, which no model has seen. Ours is the model that the other groups chose.
+Means over groups, one training each [95 % interval of the ratio, or of the difference of shares, over groups; none of
+fewer than three]. Coverage: groups of which our 90 % intervals, or sets, hold the truth in 86 to 94 % of the windows.
 """
 
 

@@ -104,7 +104,7 @@ def test_memory_of_predict(record, sizes, tmp_path):
     for truth in ("load_cell.log", "cnc.log"):
         (folder / truth).unlink()
     run = measured("predict", tmp_path)
-    what = f"largest memory of `tactile predict touch/lomp_stream LOGS`, {sizes.hours:g} hours at {hz} Hz, imports included"
+    what = f"largest memory of `tactile predict touch/lomp_stream LOGS`, {sizes.hours:g} h at {hz} Hz, imports included"
     shared = {"rounds": 1, "threads": 1}
     record("predict_memory", what=what, unit="MB", ours=run["mb"] + run["imports_mb"], most=700, **shared)
     what = f"the same: readings a second, of {sizes.hours * 3600 * hz:.0f}"
