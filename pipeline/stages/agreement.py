@@ -1,10 +1,10 @@
 """Compare this machine's scores with the committed ones of evidence/look.csv: reports/look/agreement.md.
 
 Networks are trained to other last digits by processors of another make, and from there apart. The file has the look of
-several makes: a machine is compared with its own, or else with the first of the file. Then a number may be as far off
-as the evidence's spread over starts and specimens, or as two draws are from each other that are spread as the makes of
-the file. The report is of this machine and this moment, so neither git nor DVC keeps it. With `accept`, the scores of
-this machine become those of its make; those of experiments that did not run here stay.
+several makes: a machine is compared with its own, or else with the first of the file. A number may be as far off as the
+evidence's spread over starts and specimens; where another make is compared with, also as far as two draws are apart
+that are spread as the makes of the file. The report is of this machine and this moment, so neither git nor DVC keeps
+it. With `accept`, the scores of this machine become those of its make; those of experiments that did not run here stay.
 Usage: python -m pipeline.stages.agreement [accept]
 """
 
@@ -60,11 +60,11 @@ def of_makes(committed: pd.DataFrame) -> pd.Series:
     return np.sqrt(square.groupby(["experiment", "model", "metric"]).mean())
 
 
-def tolerances(reference: pd.DataFrame, spread: pd.Series, makes: pd.Series) -> pd.Series:
+def tolerances(reference: pd.DataFrame, spread: pd.Series, makes: pd.Series, make: str) -> pd.Series:
     """Return how far each number of `reference` may be off, in its own unit, at least LEAST of its value.
 
     spread: see `spreads`; a protocol that the evidence lacks has the largest of the others of its condition. makes: see
-    `of_makes`.
+    `of_makes`; make: of this machine, of which no number may differ for its make.
     """
     of_others = spread.groupby(["experiment", "condition", "model", "metric"]).max()
     relative = reference["metric"].map(estimates.scale_of) == estimates.LOG
@@ -74,7 +74,8 @@ def tolerances(reference: pd.DataFrame, spread: pd.Series, makes: pd.Series) -> 
 
     own = np.where(np.isnan(known(spread)), known(of_others), known(spread))
     size = reference["value"].abs()
-    most = np.fmax(np.nan_to_num(own), np.nan_to_num(DRAWS * known(makes)))
+    by_make = np.where(reference["make"] == make, 0.0, np.nan_to_num(DRAWS * known(makes)))
+    most = np.fmax(np.nan_to_num(own), by_make)
     return np.maximum(most * size.where(relative, 1.0), LEAST * size)
 
 
@@ -87,7 +88,9 @@ def compare(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series, ma
     """
     chosen = committed.groupby("experiment")["make"].agg(lambda makes: make if make in set(makes) else makes.iloc[0])
     reference = committed[committed["make"] == committed["experiment"].map(chosen)]
-    there = reference[[*KEY, "value", "make"]].assign(tolerance=tolerances(reference, spread, of_makes(committed)))
+    there = reference[[*KEY, "value", "make"]].assign(
+        tolerance=tolerances(reference, spread, of_makes(committed), make)
+    )
     merged = there.merge(scores[[*KEY, "value"]].rename(columns={"value": "here"}), "outer", KEY, indicator=True)
     both, off = merged["_merge"] == "both", (merged["here"] - merged["value"]).abs()
     same = (merged["here"] == merged["value"]) | (merged["here"].isna() & merged["value"].isna())
@@ -115,15 +118,15 @@ def report(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series, mak
         held = ", ".join(f"{experiment} ({count})" for experiment, count in absent.items())
         total = len(committed.drop_duplicates(KEY))
         sentence += f" No scores here: {held} of {total} committed numbers; `tactile fetch` gets recordings."
-    others = numbers[numbers["make"] != make].groupby("make")["experiment"].unique()
-    compared = [f"{', '.join(names)} with a processor of {name}" for name, names in others.items()]
+    looks = numbers.groupby("make", sort=False)["experiment"].unique()
+    compared = [f"{', '.join(names)} with the look of a processor of {name}" for name, names in looks.items()]
     by_experiment = numbers.groupby("experiment", sort=False)["verdict"].value_counts().unstack(fill_value=0)
     cells = by_experiment.reindex(columns=VERDICTS, fill_value=0).astype(str)
     lines = [
         "# Agreement of this machine's look with the committed one\n",
-        f"{sentence} Compared is {' and '.join(compared) or f'with a processor of {make}, the make of this one'}. "
-        "Tolerance: the standard deviation over starts and specimens of the evidence, at least "
-        f"{100 * LEAST:.0f} % of the value and {DRAWS:g} times the usual difference of two makes.\n",
+        f"{sentence} Compared are {'; '.join(compared)}. Tolerance: the standard deviation over starts and specimens of "
+        f"the evidence, at least {100 * LEAST:.0f} % of the value, and for another make than this one ({make}) at least "
+        f"{DRAWS:g} times the usual difference of two makes.\n",
         table(["experiment", *VERDICTS], [[name, *row] for name, row in zip(cells.index, cells.values, strict=True)]),
     ]
     wrong = numbers[~numbers["verdict"].isin(VERDICTS[:3])]

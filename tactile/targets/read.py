@@ -78,8 +78,8 @@ def own(
     series = []
     for path in paths:
         name = "/".join(path.parts[-2:])
-        place = path / log_name(experiment)
-        rows, _ = read.get(place) or sensor_rows(place, experiment, settings)
+        of_sensor = path / log_name(experiment)
+        rows, _ = read.get(of_sensor) or sensor_rows(of_sensor, experiment, settings)
         time_s, segment, reading = readings(rows, sensor_format(experiment, settings))
         truth, known = truth_of(path, asked.target, experiment, settings, time_s, segment)
         press = votes(path, asked.target, experiment, settings, time_s, segment, truth)

@@ -94,6 +94,7 @@ def test_two_makes_tell_how_far_a_third_may_be_off():
     nothing = evidence({"full": ()})
     assert verdict(12.1, kept=nothing, others=others, make="Apple") == "within tolerance"
     assert verdict(12.2, kept=nothing, others=others, make="Apple") == "beyond"
+    assert verdict(11.3, kept=nothing, others=others, make="AMD") == "beyond", "a machine owes its own make no less"
     linear = {"Intel": {("linear", 1): 22.0}}
     assert verdict(11.3, kept=nothing, others=linear, make="Apple") == "beyond", "of another model"
 
@@ -148,7 +149,7 @@ def test_the_look_of_another_make_stands_behind_that_of_the_first(project, monke
     monkeypatch.setattr(agreement.processes, "make", lambda: "Intel")
     files.write_table(project.scores("touch"), scores({("cnn", 0): 1 / 3, ("cnn", 1): 4.0}))
     assert "1 beyond" in run(monkeypatch, capsys, project)
-    assert "touch with a processor of AMD" in (project.look / "agreement.md").read_text()
+    assert "touch with the look of a processor of AMD" in (project.look / "agreement.md").read_text()
     run(monkeypatch, capsys, project, "accept")
     assert run(monkeypatch, capsys, project) == "6 of 6 numbers agree: 6 to the bit.\n"
     assert list(pd.read_csv(project.root / agreement.COMMITTED)["make"]) == ["AMD"] * 6 + ["Intel"] * 6
