@@ -124,9 +124,9 @@ def report(committed: pd.DataFrame, scores: pd.DataFrame, spread: pd.Series, mak
     cells = by_experiment.reindex(columns=VERDICTS, fill_value=0).astype(str)
     lines = [
         "# Agreement of this machine's look with the committed one\n",
-        f"{sentence} Compared are {'; '.join(compared)}. Tolerance: the standard deviation over starts and specimens of "
-        f"the evidence, at least {100 * LEAST:.0f} % of the value, and for another make than this one ({make}) at least "
-        f"{DRAWS:g} times the usual difference of two makes.\n",
+        f"{sentence} Compared are {'; '.join(compared)}. Tolerance: the standard deviation over starts and specimens "
+        f"of the evidence, at least {100 * LEAST:.0f} % of the value, and for another make than this one ({make}) at "
+        f"least {DRAWS:g} times the usual difference of two makes.\n",
         table(["experiment", *VERDICTS], [[name, *row] for name, row in zip(cells.index, cells.values, strict=True)]),
     ]
     wrong = numbers[~numbers["verdict"].isin(VERDICTS[:3])]
